@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +17,7 @@ from proximity_monitor.scene.bodies import read_colour, read_pose, read_solid, r
 from proximity_monitor.scene.description import Body, Compound, Part, Robot, Root, Unit
 from proximity_monitor.scene.kinematics import Joint, Kinematics
 from proximity_monitor.scene.markup import Arguments, is_xacro
+from proximity_monitor.scene.naming import fitting
 from proximity_monitor.scene.paths import mesh_path, model_path
 from proximity_monitor.scene.report import Keys, Report, SceneError, listed, meant
 from proximity_monitor.scene.robot_pairs import excluded
@@ -153,9 +155,12 @@ class _Reader:
         base = np.eye(4) if base is None else base
         base.setflags(write=False)
         start = self._start(kinematics)
-        for link in urdf.links:
-            if self._shapes(link):
-                self.names[link.name] = self._body_name(link.name)
+        shaped = [link.name for link in urdf.links if self._shapes(link)]
+        plain = {link: self._body_name(_UNFIT.sub("_", link.lower())) for link in shaped}
+        count = Counter(plain.values())
+        for link, name in plain.items():
+            # Where the letters of a link's own name tell it from others, it keeps them.
+            self.names[link] = name if count[name] == 1 else self._body_name(fitting(link))
         if not self.names:
             self._tell_nothing_to_watch()
         self._warn_of_shapes()
@@ -235,9 +240,9 @@ class _Reader:
         return link.collision if self._data.get("meshes") != "visual" else link.visual
 
     def _body_name(self, link: str) -> str:
-        """``ROBOT_LINK`` in the letters that a body's name may have."""
-        robot, name = self._data["name"], _UNFIT.sub("_", link.lower())
-        return name if name.startswith(f"{robot}_") else f"{robot}_{name}"
+        """``ROBOT_LINK``, unless the link's name begins so itself."""
+        robot = self._data["name"]
+        return link if link.startswith(f"{robot}_") else fitting(f"{robot}_{link}")
 
     def bodies(self, taken: set[str]) -> Iterator[Body]:
         """The links that have a shape; their names are taken from now on."""
@@ -251,7 +256,8 @@ class _Reader:
             if name in taken:
                 self._report.add(
                     (*self._keys, "name"),
-                    f"link '{link.name}' would be the body '{name}', a name that is taken",
+                    f"link '{link.name}' would be the body '{name}', a name that is taken; "
+                    "give the robot another one",
                 )
             taken.add(name)
             pose = None

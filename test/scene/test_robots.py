@@ -9,6 +9,7 @@ from crane import CRANE, SCENE, WEDGE
 
 from proximity_monitor import engine
 from proximity_monitor.scene import SceneError, load_scene, paths
+from proximity_monitor.scene.naming import safe
 from proximity_monitor.scene.opening import load_models
 
 HEAD = "scene.yaml:"
@@ -296,13 +297,20 @@ def test_faults_are_told_by_key_and_line(problems, old, new, expected):
 
 
 @pytest.mark.parametrize(
-    ("same", "body"),
-    [("hook 1", "crane_hook_1"), ("Boom", "crane_boom")],
-    ids=["of links that move against each other", "of links that are joined"],
-)
-def test_links_whose_names_come_to_the_same_are_told(problems, same, body):
-    (found,) = problems(SCENE, CRANE.replace('"lamp"', f'"{same}"'))
-    assert f"link '{same}' would be the body '{body}', a name that is taken" in found
+    ("link", "names"),
+    [("hook 1", ("crane_hook-1", "crane_hook 1")), ("Boom", ("crane_boom", "crane_Boom")),
+     ("BOOM", ("crane_boom", "crane_BOOM"))],
+)  # fmt: skip
+def test_links_whose_small_letters_are_the_same_keep_their_own(load, link, names):
+    scene = load(SCENE, CRANE.replace('"lamp"', f'"{link}"'))
+    bodies = {body.name for body in scene.bodies}
+    assert bodies >= set(names) and len({safe(body) for body in bodies}) == len(bodies) == 5
+    assert {scene.robots[0].links[name] for name in names} >= {link}
+
+
+def test_links_of_one_name_with_the_robots_in_front_are_told(problems):
+    (found,) = problems(SCENE, CRANE.replace('"lamp"', '"crane_boom"'))
+    assert "would be the body 'crane_boom', a name that is taken; give the robot another" in found
 
 
 @pytest.mark.parametrize("robot_first", [True, False])
