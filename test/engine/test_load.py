@@ -151,6 +151,18 @@ def test_an_ascii_stl_may_be_named_like_its_statements(load):
     assert len(load("part.stl", line).faces) == 2
 
 
+@pytest.mark.parametrize(
+    "name", ["my endsolid part", "endsolid", "facet normal x", "a facet normal 0", "solid endsolid"]
+)
+@pytest.mark.parametrize("closing", ["", "part"])
+def test_words_of_the_format_may_be_in_the_name_of_a_solid(load, name, closing):
+    named = STL.replace("solid part", f"solid {name}", 1).replace("endsolid part", "endsolid NAME")
+    named = named.replace("NAME", closing and name)
+    empty = f"solid {name}\nendsolid {name}\n"
+    text = named + empty + named.replace("\n", "\r\n")
+    assert len(load("part.stl", text).faces) == 2
+
+
 def test_a_long_ascii_stl_is_read_in_blocks(load, monkeypatch):
     monkeypatch.setattr("proximity_monitor.engine.files.stl._BLOCK", 100)
     mesh = load("part.stl", VALID["ascii.stl"])

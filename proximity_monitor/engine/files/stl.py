@@ -21,9 +21,13 @@ _COORDINATES = [8, 9, 10, 12, 13, 14, 16, 17, 18]
 _BLOCK = 1 << 22
 """Bytes of a text whose words are held at once: they take ten times as much."""
 
-# A name goes to the end of its line, unless the line goes on with the next statement.
-_SOLID = re.compile(rb"\s*solid\b[^\r\n]*?(?=\sfacet\s+normal\s|\sendsolid\b|[\r\n]|\Z)")
-_ENDSOLID = re.compile(rb"endsolid\b[^\r\n]*?(?=\ssolid\b[^\r\n]*\sfacet\s|[\r\n]|\Z)")
+_SOLID = re.compile(rb"\s*solid\b")
+_FURTHER = re.compile(rb"\s*(facet|endsolid)\b")
+_NEXT_SOLID, _NEXT_ENDSOLID = re.compile(rb"\ssolid\b"), re.compile(rb"\sendsolid\b")
+_WORD_FACET = re.compile(rb"\sfacet\s")
+_OPEN_FACET = re.compile(rb"\sfacet\s+normal(?:\s+\S+){3}\s+outer\s")
+_ENDSOLID = re.compile(rb"endsolid\b")
+_LINE_END = re.compile(rb"[\r\n]|\Z")
 
 
 def read_stl(data: bytes, _: Path) -> Triangles:
@@ -52,19 +56,48 @@ def _ascii(text: bytes) -> Reals:
     """The corners (3 m, 3) of all solids."""
     parts, at = [np.empty((0, 9))], 0
     while solid := _SOLID.match(text, at):
-        end = text.find(b"endsolid", solid.end())
+        start = _name_end(text, solid.end())
+        end = text.find(b"endsolid", start)
         stop = end if end >= 0 else len(text)
-        parts += [_facets(text, *block) for block in _blocks(text, solid.end(), stop)]
+        parts += [_facets(text, *block) for block in _blocks(text, start, stop)]
         if end < 0:
             raise FormatError("ends before 'endsolid': truncated")
-        closing = _ENDSOLID.match(text, end)
-        at = closing.end() if closing else end
-        if closing is None:
+        if not (closing := _ENDSOLID.match(text, end)):
+            at = end
             break
+        at = _closing_end(text, closing.end())
     rest = re.compile(rb"\S+").search(text, at)
     if rest:
         raise FormatError(f"{_line(text, rest.start())}{shown(rest[0])} where 'solid' should stand")
     return np.concatenate(parts).reshape(-1, 3)
+
+
+def _name_end(text: bytes, at: int) -> int:
+    """Where the name of a solid ends.
+
+    It goes to the end of its line, whatever words are in it, unless the line goes on with the first
+    facet, or closes the solid and no line below does.
+    """
+    line_end = _LINE_END.search(text, at).start()
+    facet = _facet_in(text, at, line_end)
+    if facet is not None:
+        return facet
+    closing = None if _FURTHER.match(text, line_end) else _NEXT_ENDSOLID.search(text, at, line_end)
+    return closing.start() if closing else line_end
+
+
+def _closing_end(text: bytes, at: int) -> int:
+    """Where the name behind an `endsolid` ends: with its line, or before a solid with facets."""
+    line_end = _LINE_END.search(text, at).start()
+    facet = _facet_in(text, at, line_end)
+    solid = None if facet is None else _NEXT_SOLID.search(text, at, facet)
+    return solid.start() if solid else line_end
+
+
+def _facet_in(text: bytes, at: int, line_end: int) -> int | None:
+    """Where the first facet that opens in the rest of a line starts."""
+    words = (word.start() for word in _WORD_FACET.finditer(text, at, line_end))
+    return next((start for start in words if _OPEN_FACET.match(text, start)), None)
 
 
 def _blocks(text: bytes, start: int, stop: int) -> Iterator[tuple[int, int]]:
