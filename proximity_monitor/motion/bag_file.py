@@ -16,6 +16,9 @@ from proximity_monitor.scene.poses import UNIT_LENGTH
 _STAMPED = "geometry_msgs/msg/PoseStamped"
 _ARRAY = "geometry_msgs/msg/PoseArray"
 _NANO = 1_000_000_000
+_FILES = ".mcap", ".db3"
+_FOLDER = "give the bag's folder, whose metadata.yaml says what is compressed"
+_ZSTD = b"\x28\xb5\x2f\xfd"
 _INSTALL = "reading bags needs the package rosbags: pip install '.[bag]'"
 
 
@@ -72,6 +75,10 @@ def _read(
         from rosbags.rosbag2 import Reader
     except ImportError as error:
         raise ValueError(f"{path}: {_INSTALL} ({error})") from None
+    if path.is_file() and path.suffix not in _FILES:
+        raise ValueError(
+            f"{path}: does not read as a ROS 2 bag: it is no {' or '.join(_FILES)} file; {_FOLDER}"
+        )
     kinds: dict[str, set[str]] = {}
     messages: dict[str, list[tuple[int, bytes]]] = {topic: [] for topic in topics}
     try:
@@ -128,6 +135,8 @@ def _track(
         try:
             message: Any = types.deserialize_cdr(raw, kind)
         except SerdeError as error:
+            if raw.startswith(_ZSTD):
+                raise ValueError(f"message {number} is compressed; {_FOLDER}") from error
             raise ValueError(f"message {number} does not read as {kind}: {error!r}") from error
         found = [message.pose] if kind == _STAMPED else message.poses
         header = message.header

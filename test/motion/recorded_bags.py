@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
 TYPES = get_typestore(Stores.ROS2_JAZZY)
@@ -42,13 +42,18 @@ def array(t, *positions, frame="cell"):
     return t, message(ARRAY, header(t, frame), [pose(each) for each in positions])
 
 
-def write(path: Path, storage: StoragePlugin, **topics) -> Path:
+def write(
+    path: Path, storage: StoragePlugin, compression: CompressionMode | None = None, **topics
+) -> Path:
     """Write a bag; each topic is a list of times and messages, or of times and bytes of none.
 
     The topic of `tool` is /tool. An empty one is of PoseStamped.
     """
     entries = []
-    with Writer(path, version=9, storage_plugin=storage) as bag:
+    bag = Writer(path, version=9, storage_plugin=storage)
+    if compression is not None:
+        bag.set_compression(compression, CompressionFormat.ZSTD)
+    with bag:
         for name, messages in topics.items():
             kinds = {each.__msgtype__ for _, each in messages if not isinstance(each, bytes)}
             (kind,) = kinds or {STAMPED}

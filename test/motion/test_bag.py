@@ -11,7 +11,7 @@ pytest.importorskip("rosbags", reason="rosbags is not installed: pip install '.[
 
 import recorded_bags as bags
 from recorded_bags import array, stamped
-from rosbags.rosbag2 import Reader, StoragePlugin
+from rosbags.rosbag2 import CompressionMode, Reader, StoragePlugin
 
 SCENE = """
 version: 1
@@ -248,3 +248,23 @@ def test_time_must_be_finite(load, taken, t):
     taken()
     with pytest.raises(ValueError, match=f"t: {t}"):
         load().poses(t)
+
+
+@pytest.mark.parametrize("mode", [CompressionMode.FILE, CompressionMode.MESSAGE])
+def test_a_compressed_bag_is_read_by_its_folder(load, taken, tmp_path, mode):
+    """One of its files alone does not say how it is compressed; metadata.yaml alone is no bag."""
+    folder = taken(StoragePlugin.SQLITE3, compression=mode)
+    assert load().period_s == 4.0
+    file, metadata = sorted(folder.iterdir(), key=lambda each: each.name == "metadata.yaml")
+    for each in (file, metadata):
+        with pytest.raises(
+            ValueError, match=r"give the bag's folder, whose metadata\.yaml"
+        ) as told:
+            motion.from_scene(scene.load_scene(_named(tmp_path, f"taken/{each.name}")))
+        assert each.name in str(told.value)
+
+
+def _named(folder, bag):
+    path = folder / "scene.yaml"
+    path.write_text(SCENE.replace("path: taken", f"path: {bag}"))
+    return path
