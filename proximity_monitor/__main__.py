@@ -7,11 +7,12 @@ import atexit
 import itertools
 import json
 import math
-import os
 import signal
 import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
+
+from proximity_monitor.ending import checked_output, leave_now, leave_with
 
 if TYPE_CHECKING:
     from types import FrameType
@@ -88,17 +89,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, interrupt)
     try:
-        parser = _parser()
-        chosen = parser.parse_args(arguments)
-        if chosen.run is None:
-            parser.print_help()
-            return 0
-        return _run(chosen)
+        with checked_output("proximity_monitor"):
+            parser = _parser()
+            chosen = parser.parse_args(arguments)
+            if chosen.run is None:
+                parser.print_help()
+                return 0
+            return _run(chosen)
     except KeyboardInterrupt:
         return 130
-    except BrokenPipeError:  # the reader of the output has gone, as `head` does
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # for what Python flushes
-        return 1
     except Exception as error:
         # Numba's compiler and readers of files take an interrupt for a fault in their input.
         if cut:
@@ -117,9 +116,7 @@ def _leave(kept: list[FrameType | None]) -> None:
 
     A module that LLVM was just linking would be freed twice: see `leave_with` in ending.py.
     """
-    sys.stdout.flush()
-    sys.stderr.flush()
-    os._exit(130)
+    leave_now(130)
 
 
 def _run(chosen: argparse.Namespace) -> int:
@@ -213,7 +210,6 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _demo(chosen: argparse.Namespace) -> int:
-    from proximity_monitor.ending import leave_with
     from proximity_monitor.ros.demo import run
 
     page = not chosen.no_page
@@ -222,7 +218,6 @@ def _demo(chosen: argparse.Namespace) -> int:
 
 def _display(chosen: argparse.Namespace) -> int:
     from proximity_monitor.display.run import main
-    from proximity_monitor.ending import leave_with
 
     # A parameter's value is YAML: in quotes whatever is given stays a text.
     parameters = "-p", f"host:={json.dumps(chosen.host)}", "-p", f"port:={chosen.port}"

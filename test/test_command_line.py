@@ -1,5 +1,6 @@
 """The command line, where it needs no ROS."""
 
+import re
 import signal
 import subprocess
 import sys
@@ -194,6 +195,28 @@ def test_what_an_interrupt_cut_is_never_destroyed():
     )
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
     assert (run.returncode, run.stderr) == (130, "")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full")
+@pytest.mark.parametrize(
+    ("arguments", "needed"),
+    [
+        ("proximity_monitor scene check probe", "yaml"),
+        ("proximity_monitor --help", "yaml"),
+        ("proximity_monitor demo --scene probe --no-page", "rclpy"),
+        ("proximity_monitor display --port 0", "viser"),
+        ("proximity_monitor.study --help", "yaml"),
+    ],
+)
+@pytest.mark.parametrize("flags", [[], ["-u"]])
+def test_an_output_that_cannot_be_written_is_told_in_one_line(arguments, needed, flags):
+    pytest.importorskip(needed)
+    command = [sys.executable, *flags, "-m", *arguments.split()]
+    with open("/dev/full", "w") as full:
+        run = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, timeout=60)
+    assert run.returncode == 1
+    (line,) = run.stderr.splitlines()
+    assert re.fullmatch(r".*proximity_\S+: the output cannot be written: No space left.*", line)
 
 
 def test_a_reader_that_goes_away_ends_a_command_quietly():

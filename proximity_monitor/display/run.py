@@ -20,6 +20,7 @@ from proximity_monitor.display.holds import Holds
 from proximity_monitor.display.inbox import Inbox
 from proximity_monitor.display.node import ProximityDisplay
 from proximity_monitor.display.pages import Pages
+from proximity_monitor.ending import checked_output
 
 FRAMES_HZ = 25.0
 """Updates of the page a second at least."""
@@ -39,6 +40,11 @@ _IDLE_S = 0.1
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the display until SIGINT, SIGTERM or ROS shuts down; return 1 if it cannot start."""
+    with checked_output("proximity_display"):
+        return _run(args)
+
+
+def _run(args: Sequence[str] | None) -> int:
     stop = threading.Event()
     sys.setswitchinterval(SWITCH_S)
     rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)

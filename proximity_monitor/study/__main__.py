@@ -8,6 +8,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from ..ending import checked_output
+
 _PROGRAM = "python -m proximity_monitor.study"
 
 _INSTALL = """\
@@ -51,6 +53,11 @@ answer broke its certificate or the study cannot run, 2 for a wrong argument, 13
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; return the exit code (2 for a wrong command line, by `SystemExit`)."""
+    with checked_output(_PROGRAM):
+        return _run(arguments)
+
+
+def _run(arguments: Sequence[str] | None) -> int:
     given = list(sys.argv[1:] if arguments is None else arguments)
     parser = _parser()
     chosen = parser.parse_args(given)
