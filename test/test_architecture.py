@@ -51,7 +51,7 @@ KNOWS = {
     "engine": _ENGINE,
     "scene": {"scene", *_WATCHING},
     "motion": {"motion", "scene", *_PUBLIC},
-    "study": {"study", "motion", "scene", *_ENGINE} - set(_KERNEL_ROOMS),
+    "study": {"study", "motion", "scene", "ending", *_ENGINE} - set(_KERNEL_ROOMS),
     "cdr": set(),  # messages as bytes
     "ending": set(),  # of processes
     "ros": {"ros", "motion", "scene", "cdr", "ending", *_PUBLIC},
