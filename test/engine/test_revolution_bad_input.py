@@ -280,30 +280,6 @@ def test_a_curve_that_is_torn_within():
     assert whole.revision == 0
 
 
-@pytest.mark.parametrize("first", range(4))
-def test_what_is_closed_along_the_axis_has_no_boundary_there(first):
-    sides = polyline([0, 0], [1, 0], [1, 1], [0, 1], [0, 0])
-    made = SolidOfRevolution(sides[first:] + sides[:first])
-    points = np.array([[0, 0, 0.5], [0.1, 0, 0.5], [0.3, 0, 0.5]])
-    found = engine.closest_points(made, np.eye(4), points, signed=True)
-    np.testing.assert_allclose(found.upper, -0.5, atol=1e-12)
-    assert [len(net.points) for net in made.profile.nets] == [2, 2, 2]
-    np.testing.assert_array_equal(made.control_points[0], [0, 0, 0])
-    ball = engine.shapes.sphere(0.2)
-    middle = np.eye(4)
-    middle[2, 3] = 0.5
-    assert engine.distance(made, np.eye(4), ball, middle).upper == pytest.approx(0.3, abs=1e-12)
-
-
-def test_what_runs_along_the_axis_otherwise_is_refused():
-    corners = [[0, 0], [1, 0], [1, 1], [0, 1], [0, 2], [1, 2], [1, 3], [0, 3]]
-    with pytest.raises(ModelError, match=r"curves\[3\]: runs along the axis from t = 0 to 1"):
-        SolidOfRevolution(polyline(*corners))
-    sketch = Curve([*corners[:4], [0, 0]], [0, 0, 1, 2, 3, 4, 4])
-    with pytest.raises(ModelError, match=r"curves\[0\]: runs along the axis from t = 3 to 4"):
-        SolidOfRevolution([sketch])
-
-
 @pytest.mark.parametrize("skew", [1.0, 1e-2, 1e-3, 1e-6, 1e6])
 def test_which_side_is_inside_does_not_depend_on_weights(skew):
     wall = [[1, 1], [3, 0.5], [1, 0]]

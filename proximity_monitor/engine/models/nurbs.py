@@ -234,9 +234,14 @@ def _checked_weights(
         given < SMALLEST_WEIGHT * largest, given, what,
         f"must be at least {SMALLEST_WEIGHT:g} of the largest, {largest}",
     )  # fmt: skip
+    return scaled_weights(given)
+
+
+def scaled_weights(given: NDArray[np.float64]) -> NDArray[np.float64] | None:
+    """Weights times a power of two, so that the largest is below 1; None where all are alike."""
     if (given == given.flat[0]).all():
         return None
-    return np.ldexp(given, -math.frexp(largest)[1])
+    return frozen(np.ldexp(given, -math.frexp(float(given.max()))[1]))
 
 
 def _refuse(bad: NDArray[np.bool_], given: NDArray[np.float64], what: str, must: str) -> None:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from ..kernels.base.rounding import DOUBLE_EPS
 from ..kernels.revolution.axis import farthest_beyond
 from ..kernels.revolution.crossing import first_crossing
+from .along_axis import lies_along, off_axis
 from .bezier import bernstein
 from .checks import ModelError
 from .nurbs import HIGHEST_DEGREE, Net, frozen
@@ -47,34 +48,64 @@ class Profile(NamedTuple):
     """Of each curve its Bezier pieces (s, degree + 1, 3): rho w, z w and w of control points."""
 
 
-def checked_profile(nets: Sequence[Net], name: str) -> Profile:
-    """The profile that curves make up.
+def profile_of(nets: Sequence[Net], name: str) -> Profile:
+    """The profile that curves make up, without what of them lies along the axis.
 
     Raises:
-        ModelError: a curve is out of the plane, or crosses the axis; curves that do not follow each
-            other; open ends off the axis; a profile that crosses itself, or holds no area.
+        ModelError: as `checked_profile`.
     """
-    for i, net in enumerate(nets):
-        if net.control[..., 2].any():
-            raise ModelError(f"{name}: curves[{i}]: not in the plane; give (rho, z) or (rho, z, 0)")
-    size = max(float(np.abs(net.points).max()) for net in nets)
+    pieces = _pieces_of(nets)
+    near = JOINED * _size_of(nets)
+    if not any(lies_along(own, near).any() for own in pieces):
+        return checked_profile(nets, name)
+    # What is left out has to fit in, too.
+    _check_curves(nets, pieces, near, range(len(nets)), name)
+    numbers, kept = zip(*off_axis(nets, pieces, near), strict=True)
+    return checked_profile(kept, name, numbers)
+
+
+def checked_profile(
+    nets: Sequence[Net], name: str, numbers: Sequence[int] | None = None
+) -> Profile:
+    """The profile that curves make up, all of them.
+
+    Args:
+        nets: the curves.
+        name: of the model.
+        numbers: what messages call each curve; None: their places in the list.
+
+    Raises:
+        ModelError: a curve is out of the plane, crosses the axis or lies along it; curves that do
+            not follow each other; open ends off the axis; a profile that crosses itself, or holds
+            no area.
+    """
+    numbers = range(len(nets)) if numbers is None else numbers
+    size, pieces = _size_of(nets), _pieces_of(nets)
     near = JOINED * size
-    pieces = tuple(frozen(net.pieces()[:, 0, :, 0][..., [0, 1, 3]]) for net in nets)
-    all_of = _together(pieces)
-    _check_axis(nets, all_of, near, name)
-    closed = _check_ends(nets, pieces, near, name)
-    _check_simple(all_of, size, name)
+    all_of = _check_curves(nets, pieces, near, numbers, name)
+    closed = _is_loop(pieces, near, name)
+    _check_simple(all_of, size, numbers, name)
     area = sum(_area(balanced(own), pieces[0][0, 0], closed) for own in pieces)
     wide, high, _ = np.ptp(np.concatenate([net.points for net in nets]), axis=0)
     if not abs(area) > JOINED * wide * high + _AREA_ROUNDING * size * (wide + high):
         raise ModelError(f"{name}: curves: they enclose no area, so there is no solid")
-    _check_along_axis(nets, pieces, near, name)
+    _check_along_axis(nets, pieces, near, numbers, name)
     leftward = runs_leftward(pieces, size, not closed)
     if leftward is None:
         raise ModelError(
             f"{name}: curves: it cannot be told on which side of them the solid is; is it a sliver?"
         )
     return Profile(tuple(nets), closed, size, leftward, pieces)
+
+
+def _size_of(nets: Sequence[Net]) -> float:
+    """Metres: the largest coordinate of a control point."""
+    return max(float(np.abs(net.points).max()) for net in nets)
+
+
+def _pieces_of(nets: Sequence[Net]) -> tuple[Reals, ...]:
+    """Of each curve its Bezier pieces (s, degree + 1, 3): see `Profile`."""
+    return tuple(frozen(net.pieces()[:, 0, :, 0][..., [0, 1, 3]]) for net in nets)
 
 
 class _Pieces(NamedTuple):
@@ -97,7 +128,22 @@ def _together(pieces: Sequence[Reals]) -> _Pieces:
     return _Pieces(padded, degrees, np.repeat(np.arange(len(pieces)), counts))
 
 
-def _check_axis(nets: Sequence[Net], all_of: _Pieces, near: float, name: str) -> None:
+def _check_curves(
+    nets: Sequence[Net], pieces: Sequence[Reals], near: float, numbers: Sequence[int], name: str
+) -> _Pieces:
+    """All pieces of curves that stay in the half-plane and follow each other; refuse others."""
+    for k, net in zip(numbers, nets, strict=True):
+        if net.control[..., 2].any():
+            raise ModelError(f"{name}: curves[{k}]: not in the plane; give (rho, z) or (rho, z, 0)")
+    all_of = _together(pieces)
+    _check_axis(nets, all_of, near, numbers, name)
+    _check_ends(nets, pieces, near, numbers, name)
+    return all_of
+
+
+def _check_axis(
+    nets: Sequence[Net], all_of: _Pieces, near: float, numbers: Sequence[int], name: str
+) -> None:
     """Refuse curves of which a point is beyond the axis, by more than what is `near`."""
     if all((net.points[:, 0] >= -near).all() for net in nets):
         return
@@ -108,43 +154,31 @@ def _check_axis(nets: Sequence[Net], all_of: _Pieces, near: float, name: str) ->
         own = i - int(np.searchsorted(all_of.curves, k))
         t = (1.0 - share) * along.low[own] + share * along.high[own]
         raise ModelError(
-            f"{name}: curves[{k}]: crosses the axis: rho = {rho:.6g} m at t = {t:.6g}; "
+            f"{name}: curves[{numbers[k]}]: crosses the axis: rho = {rho:.6g} m at t = {t:.6g}; "
             "a profile stays where rho >= 0"
         )
 
 
-def off_axis(nets: Sequence[Net]) -> list[Net]:
-    """The curves of a profile without those along the axis, if the others still follow each other.
-
-    These go on in their order, from where the axis is left.
-    """
-    near = JOINED * max((float(np.abs(net.points).max()) for net in nets), default=0.0)
-    is_off = [bool((net.points[:, 0] > near).any()) for net in nets]
-    begins = [i for i, off in enumerate(is_off) if off and not is_off[i - 1]]
-    is_loop = np.linalg.norm(nets[0].points[0] - nets[-1].points[-1]) <= near
-    if len(begins) != 1 or (is_off[0] and is_off[-1] and not is_loop):
-        return list(nets)
-    turned = [*range(begins[0], len(nets)), *range(begins[0])]
-    return [nets[i] for i in turned if is_off[i]]
-
-
-def _check_along_axis(nets: Sequence[Net], pieces: Sequence[Reals], near: float, name: str) -> None:
+def _check_along_axis(
+    nets: Sequence[Net], pieces: Sequence[Reals], near: float, numbers: Sequence[int], name: str
+) -> None:
     """Refuse pieces along the axis: a boundary there would be inside the solid."""
     for k, own in enumerate(pieces):
-        points = own[..., :2] / own[..., 2:]
-        along = (points[..., 0] <= near).all(axis=1) & (np.ptp(points[..., 1], axis=1) > near)
+        along = lies_along(own, near) & (np.ptp(own[..., 1] / own[..., 2], axis=1) > near)
         if along.any():
             i = int(along.argmax())
             spans = nets[k].spans[0]
             raise ModelError(
-                f"{name}: curves[{k}]: runs along the axis from t = {spans.low[i]:.6g} to "
+                f"{name}: curves[{numbers[k]}]: runs along the axis from t = {spans.low[i]:.6g} to "
                 f"{spans.high[i]:.6g}, within the solid; leave that out: a profile may begin and "
                 "end on the axis, and what is on both sides of it is a solid each (a compound)"
             )
 
 
-def _check_ends(nets: Sequence[Net], pieces: Sequence[Reals], near: float, name: str) -> bool:
-    """Whether the curves are a loop; else they begin and end on the axis."""
+def _check_ends(
+    nets: Sequence[Net], pieces: Sequence[Reals], near: float, numbers: Sequence[int], name: str
+) -> None:
+    """Refuse curves that are torn, or do not begin where the one before ends."""
     for k, own in enumerate(pieces):
         # Where a knot is repeated often enough, a curve may be torn.
         begins, ends = (own[1:, 0, :2] / own[1:, 0, 2:], own[:-1, -1, :2] / own[:-1, -1, 2:])
@@ -153,19 +187,29 @@ def _check_ends(nets: Sequence[Net], pieces: Sequence[Reals], near: float, name:
             i = int(gaps.argmax())
             t = nets[k].spans[0].low[i + 1]
             raise ModelError(
-                f"{name}: curves[{k}]: is torn at t = {t:.6g}: there it goes on {gaps[i]:.3g} m "
-                f"from where it ended, {ends[i].tolist()}"
+                f"{name}: curves[{numbers[k]}]: is torn at t = {t:.6g}: there it goes on "
+                f"{gaps[i]:.3g} m from where it ended, {ends[i].tolist()}"
             )
-    ends = [(own[0, 0, :2] / own[0, 0, 2], own[-1, -1, :2] / own[-1, -1, 2]) for own in pieces]
+    ends = _ends_of(pieces)
     for i in range(1, len(ends)):
         gap = float(np.linalg.norm(ends[i][0] - ends[i - 1][1]))
         if gap > near:
             turned = float(np.linalg.norm(ends[i][1] - ends[i - 1][1])) <= near
-            hint = f"; turn curves[{i}] around" if turned else ""
+            hint = f"; turn curves[{numbers[i]}] around" if turned else ""
             raise ModelError(
-                f"{name}: curves[{i}] begins at {ends[i][0].tolist()}, {gap:.3g} m from "
+                f"{name}: curves[{numbers[i]}] begins at {ends[i][0].tolist()}, {gap:.3g} m from "
                 f"{ends[i - 1][1].tolist()}, where the curve before it ends{hint}"
             )
+
+
+def _ends_of(pieces: Sequence[Reals]) -> list[tuple[Reals, Reals]]:
+    """Where each curve begins and ends, rho and z."""
+    return [(own[0, 0, :2] / own[0, 0, 2], own[-1, -1, :2] / own[-1, -1, 2]) for own in pieces]
+
+
+def _is_loop(pieces: Sequence[Reals], near: float, name: str) -> bool:
+    """Whether the curves are a loop; else they begin and end on the axis."""
+    ends = _ends_of(pieces)
     first, last = ends[0][0], ends[-1][1]
     if first[0] <= near and last[0] <= near:
         return False
@@ -193,9 +237,9 @@ def _shares(degree: int, count: int) -> Reals:
     return frozen(bernstein(degree, s, 1.0 - s))
 
 
-def _check_simple(all_of: _Pieces, size: float, name: str) -> None:
+def _check_simple(all_of: _Pieces, size: float, numbers: Sequence[int], name: str) -> None:
     """Refuse a profile that crosses itself."""
-    curves = all_of.curves
+    curves = [numbers[k] for k in all_of.curves]
     i, j, rho, z = first_crossing(all_of.nets, all_of.degrees, size)
     if i >= 0:
         raise ModelError(

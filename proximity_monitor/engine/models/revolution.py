@@ -19,7 +19,7 @@ from .mesh import largest_norm
 from .model import DisplayMesh, Feature
 from .nurbs import Net, frozen
 from .patch import Curve
-from .profile import QUARTERS, Profile, checked_profile, off_axis, revolved
+from .profile import QUARTERS, Profile, checked_profile, profile_of, revolved
 from .revolution_hierarchy import RevolutionHierarchy
 from .surface import Surface
 
@@ -80,7 +80,7 @@ class SolidOfRevolution(Surface):
         self._frame = _frame(origin, axis, name)
         deviation = checked_length(deviation, name, "deviation")
         deviation = max(deviation, *(curve.deviation for curve in given))
-        self.profile = checked_profile(off_axis([curve.nets[0] for curve in given]), name)
+        self.profile = profile_of([curve.nets[0] for curve in given], name)
         nets = [revolved(net, self._frame) for net in self.profile.nets]
         size = max(float(np.abs(net.points).max()) for net in nets)
         super().__init__(nets, name, deviation + _ROUNDING * size, solid=True)
