@@ -322,11 +322,15 @@ def test_steep_lines_beside_flat_ones_about_nearly_one_axis(off):
 
 
 def test_no_yes_is_decided_that_no_points_attain():
-    """Where room ends before it is known, as of rings that are almost the same."""
-    ring, beside = torus(1.0, 0.1), translation(1e-9, 0.0, 0.0)
-    found = engine.distance(ring, IDENTITY, ring, beside)
+    """Where room ends before it is known, as where an edge bends like the ring beside it."""
+    ring, tube = (
+        torus(1.0, 0.1),
+        lines((1.9, -0.1), (2.1, -0.1), (2.1, 0.1), (1.9, 0.1), (1.9, -0.1)),
+    )
+    at = translation(0.0, 0.0, 1.0) @ turn(math.pi / 4)
+    found = engine.distance(ring, IDENTITY, tube, at)
     assert found.status is Status.OUT_OF_TIME
-    for share in (0.0, 0.3, 0.5, 0.7, 1.1):
+    for share in (-0.1, 0.3, 0.5, 0.7, 1.1):
         clearance = found.lower + share * (found.upper - found.lower)
-        answer = engine.within(ring, IDENTITY, ring, beside, clearance)
+        answer = engine.within(ring, IDENTITY, tube, at, clearance)
         assert answer.decided == (answer.lower > clearance or answer.upper <= clearance)
