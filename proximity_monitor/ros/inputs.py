@@ -80,8 +80,8 @@ class Inputs:
         self._round: frozenset[str] = frozenset()
         self._awaited: set[str] = set()
         self.woken = False
-        """Whether a body that rested, by the last two poses of a topic of its own, has moved since
-        the round began."""
+        """Whether a body that rested has moved since the round began, by a pose of a topic of its
+        own."""
         self.attached: frozenset[str] = frozenset()
         """Bodies whose own poses do not count now."""
         self.strangers: list[str] = []
@@ -105,8 +105,7 @@ class Inputs:
             self.rejected[reason] += 1
             return reason
         matrix = pose_matrix(pose.position, pose.quaternion)
-        self.woken |= last.wakes(matrix)
-        last.keep(matrix, pose.stamp_ns)
+        self.woken |= last.keep(matrix, pose.stamp_ns)
         self._awaited.discard(name)
         return None
 
@@ -261,33 +260,29 @@ class Inputs:
     def course(self, name: str) -> Course | None:
         """Return a moving body's last two poses; None without two recent ones."""
         last = self._last[name]
-        if last.before is None:
-            return None
-        seconds = (last.stamp_ns - last.before_ns) * 1e-9
-        return Course(last.before, last.pose, seconds) if seconds <= self.timeout_s else None
+        seconds = last.seconds(self.timeout_s)
+        return None if seconds is None else Course(last.before, last.pose, seconds)
 
     def together(self, a: str, b: str) -> tuple[np.ndarray, np.ndarray, float]:
         """Return the last poses (4, 4) of two bodies at one moment, as far as they are known.
 
-        The moment is the stamp of the older pose. The other body's pose then is on the screw motion
-        between its last two. If one of them has rested, its last pose holds for that of the other.
+        The moment is the stamp of the older pose. The other body's pose then is the one that it has
+        had since, or on the screw motion between those of its last two stamps.
 
         Args:
             a: a body whose pose is known.
             b: another one.
 
         Returns:
-            Both poses, and by how many seconds they are apart: more than 0 where the body with the
-            newer pose has none from shortly before the moment.
+            Both poses, and by how many seconds they are apart: more than 0 where it is not known
+            where the other body was at the moment, and the last poses of both are returned.
         """
         one, other = self._last[a], self._last[b]
-        if not (one.rested or other.rested):
-            moment_ns = min(one.stamp_ns, other.stamp_ns)
-            at = [each.at(moment_ns, self.timeout_s) for each in (one, other)]
-            if at[0] is None or at[1] is None:
-                return one.pose, other.pose, abs(one.stamp_ns - other.stamp_ns) * 1e-9
-            return at[0], at[1], 0.0
-        return one.pose, other.pose, 0.0
+        moment_ns = min(one.stamp_ns, other.stamp_ns)
+        at = [each.at(moment_ns, self.timeout_s) for each in (one, other)]
+        if at[0] is None or at[1] is None:
+            return one.pose, other.pose, abs(one.stamp_ns - other.stamp_ns) * 1e-9
+        return at[0], at[1], 0.0
 
     def note_strangers(self, publishers: Iterable[tuple[str, bytes]]) -> list[str]:
         """Take the present publishers of pose topics that no body of the scene listens to.

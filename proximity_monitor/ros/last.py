@@ -33,51 +33,60 @@ class Input:
 class Last(Input):
     """The last good pose of one body, and the one before it with another stamp."""
 
-    __slots__ = ("before", "before_ns", "first", "pose", "rests")
+    __slots__ = ("before", "before_ns", "first", "pose", "since_ns")
 
     def forget(self) -> None:
         """Begin anew."""
         super().forget()
-        self.rests = False
         self.pose: np.ndarray | None = None
         self.before_ns: int | None = None
         self.before: np.ndarray | None = None
         self.first: np.ndarray | None = None
+        self.since_ns: int | None = None
 
-    def wakes(self, pose: np.ndarray) -> bool:
-        """Return whether it has rested, and a pose says that it does no more."""
-        rested = self.rests
-        self.rests = self.pose is not None and pose.tobytes() == self.pose.tobytes()
-        return rested and not self.rests
+    def keep(self, pose: np.ndarray, stamp_ns: int) -> bool:
+        """Take a pose (4, 4), which must not change any more.
 
-    def keep(self, pose: np.ndarray, stamp_ns: int) -> None:
-        """Take a pose (4, 4), which must not change any more."""
+        Returns:
+            Whether the body had the same pose at two stamps or more before, and has another now.
+        """
+        same = self.first is not None and self.first.tobytes() == pose.tobytes()
+        wakes = self.pose is not None and self.since_ns < self.stamp_ns and not same
         if stamp_ns != self.stamp_ns:
             # A link's stamp is the oldest of all that its pose depends on, so other joints may move
             # while it stays the same. The first pose of a stamp belongs to that moment; a later one
             # would hide motion.
             self.before, self.before_ns = self.first, self.stamp_ns
             self.first = pose
+            if not same:
+                self.since_ns = stamp_ns
         self.pose, self.stamp_ns = pose, stamp_ns
+        return wakes
 
-    @property
-    def rested(self) -> bool:
-        """Whether the last two poses of different stamps are the same."""
-        return self.before is not None and np.array_equal(self.before, self.pose)
+    def seconds(self, timeout_s: float) -> float | None:
+        """Return the time between its last two stamps.
+
+        None: there are no two, or they are more than `timeout_s` apart, and nobody knows how it
+        moved between them.
+        """
+        if self.before is None:
+            return None
+        seconds = (self.stamp_ns - self.before_ns) * 1e-9
+        return seconds if seconds <= timeout_s else None
 
     def at(self, stamp_ns: int, timeout_s: float) -> np.ndarray | None:
-        """Return the pose (4, 4) at a moment that is not later than the last; None: not known.
+        """Return the pose (4, 4) at a moment; None: not known.
 
         Args:
-            stamp_ns: the moment.
-            timeout_s: nobody knows how it moved between two poses that are farther apart.
+            stamp_ns: the moment, not later than the last stamp. There must be a pose.
+            timeout_s: see `seconds`.
         """
-        if stamp_ns == self.stamp_ns:
-            return self.pose
-        if self.before is None or stamp_ns < self.before_ns:
+        if stamp_ns >= self.since_ns:
+            # It had this pose at stamps on both sides of the moment, so it rested, however far they
+            # are apart. Of moments outside rest says nothing: it may have moved there.
+            return self.first
+        if self.before is None or stamp_ns < self.before_ns or self.seconds(timeout_s) is None:
             return None
-        if (self.stamp_ns - self.before_ns) * 1e-9 > timeout_s:
-            return None
-        keys = to_numbers((self.before, self.pose))
+        keys = to_numbers((self.before, self.first))
         path = through(np.array([0.0, self.stamp_ns - self.before_ns]), keys[:, :3], keys[:, 3:])
         return Paths([path]).at(stamp_ns - self.before_ns)[0]

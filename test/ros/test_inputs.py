@@ -2,6 +2,7 @@
 
 import math
 import time
+from itertools import count
 from types import SimpleNamespace
 
 import numpy as np
@@ -194,8 +195,10 @@ def test_a_round_is_complete_when_all_that_are_awaited_spoke(inputs):
 
 
 def test_a_body_wakes_that_rested_and_moves(inputs):
+    stamps = count(10 * SECOND)
+
     def woken(x):
-        pose = StampedPose(10 * SECOND, "cell", (x, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+        pose = StampedPose(next(stamps), "cell", (x, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
         assert inputs.store("one", pose, 10 * SECOND) is None
         return inputs.woken
 

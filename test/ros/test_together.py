@@ -71,12 +71,44 @@ def test_a_turn_goes_on_evenly_between_the_poses(cell):
     np.testing.assert_allclose(found, (np.cos(1.0), -np.sin(1.0), 0.0), atol=1e-12)
 
 
-def test_what_rests_is_where_it_was(cell):
-    cell.tell("cup", 150, 7.0)
+@pytest.mark.parametrize("stamps_ms", [(140,), (100, 140, 240, 250)])
+def test_what_rests_is_where_it_was(cell, stamps_ms):
+    cell.inputs.timeout_s = 0.25
+    cell.tell("cup", 150, 6.0)
     cell.tell("cup", 200, 7.0)
-    cell.tell("hand", 250, 4.0)
+    for ms in stamps_ms:
+        cell.tell("hand", ms, 4.0)
+    cell.tell("hand", 260, 4.0)
+    cell.inputs.timeout_s = 0.11
     np.testing.assert_allclose(cell.attached(), (3.0, 0.0, 0.0), atol=1e-12)
     assert not cell.warned
+
+
+@pytest.mark.parametrize("hand_ms, warned", [((100, 190), False), ((150, 190), True)])
+def test_that_a_body_rested_until_its_stamp_does_not_say_where_it_is_now(cell, hand_ms, warned):
+    for ms in (0, 100):
+        cell.tell("cup", ms, 5.0)
+    for ms, x in zip(hand_ms, (0.0, 9.0), strict=True):
+        cell.tell("hand", ms, x)
+    np.testing.assert_allclose(cell.attached(), (-4.0 if warned else 5.0, 0.0, 0.0), atol=1e-12)
+    assert bool(cell.warned) == warned
+
+
+def test_the_first_pose_of_a_stamp_is_of_that_moment():
+    inputs = Inputs(["link", "cup"], "world")
+    for ms, link, cup in ((50, -5.0, 0.0), (100, 0.0, 5.0), (100, 3.0, 5.0), (100, 6.0, 5.0)):
+        for name, x in (("link", link), ("cup", cup)):
+            pose = np.eye(4)
+            pose[0, 3] = x
+            assert inputs.store_many([name], pose[None], ms * MS, "world", 300 * MS) == 1
+    at, other, apart_s = inputs.together("link", "cup")
+    assert (at[0, 3], other[0, 3], apart_s) == (0.0, 5.0, 0.0)
+    cup = np.eye(4)
+    cup[0, 3] = 2.5
+    inputs.forget_pose("cup")
+    inputs.store_many(["cup"], cup[None], 75 * MS, "world", 300 * MS)
+    at, other, apart_s = inputs.together("link", "cup")
+    np.testing.assert_allclose((at[0, 3], other[0, 3], apart_s), (-2.5, 2.5, 0.0))
 
 
 @pytest.mark.parametrize("before_ms, timeout_s", [(220, 0.5), (100, 0.1)])
