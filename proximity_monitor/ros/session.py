@@ -205,6 +205,7 @@ class Session:
             unwatched=self._where.unwatched,
             silent=silent,
         )
+        self._monitor.keep(self._alerts.held)
         self._outputs.publish(
             stamp,
             tick,

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import enum
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -99,6 +99,11 @@ class Alerts:
     def levels(self) -> Mapping[int, Level]:
         """Levels by index, of the pairs that the last tick listed and all that are not clear."""
         return MappingProxyType(self._levels)
+
+    @property
+    def held(self) -> Collection[int]:
+        """The pairs, by index, that are at warn or stop, or were when they became stale."""
+        return self._held.keys()
 
     def update(
         self,

@@ -1,9 +1,9 @@
 """The monitor of a scene: it takes poses and a time budget, and gives bounds of every watched pair.
 
-A pair that is farther apart than its range is never examined. The others are searched in the order
-of their schedule (`engine/assembly/schedule.py`). A search that ran out of time goes on where it
-stopped while its bodies stand still. A pair that the budget does not reach keeps its last answer,
-widened by the motion since (`engine/assembly/answers.py`).
+A pair that is farther apart than its range is not examined, unless it is to be kept. The others are
+searched in the order of their schedule (`engine/assembly/schedule.py`). A search that ran out of
+time goes on where it stopped while its bodies stand still. A pair that the budget does not reach
+keeps its last answer, widened by the motion since (`engine/assembly/answers.py`).
 """
 
 from __future__ import annotations
@@ -64,6 +64,7 @@ class Monitor:
         self._thresholds: Sequence[Thresholds] | None = None  # None: the scene's own
         self._tolerance: tuple[float | None, float | None] = None, None
         self._ignored = np.empty(0, np.int64)
+        self._kept: frozenset[int] = frozenset()
         self._closing_s = 0.0
         self._begin(self._near.rows)
         self._prepare()
@@ -120,6 +121,17 @@ class Monitor:
         self._ignored = np.array(sorted(pairs), dtype=np.int64)
         self._near.ignore(self._ignored)
         self._specify(slice(None))
+
+    def keep(self, pairs: Collection[int]) -> None:
+        """List these pairs, positions among the scene's, whatever their range, from now on.
+
+        Such as those that `Alerts.held` still holds at a level: nobody who reads ticks is to take
+        them for clear.
+        """
+        before, self._kept = self._kept, frozenset(pairs)
+        if changed := before ^ self._kept:
+            self._near.keep(np.array(sorted(self._kept), dtype=np.int64))
+            self._specify(np.isin(self._near.positions, list(changed)))
 
     def reset_minima(self) -> None:
         """Forget the smallest clearances of the session."""
@@ -193,7 +205,11 @@ class Monitor:
             given = (self._thresholds[i] for i in near.positions[which].tolist())
             levels = np.array([_levels(each) for each in given]).reshape(-1, Schedule.LEVELS)
         records["levels"][rows] = levels
-        records["range"][rows] = np.maximum(watched.ranges[kinds], levels.max(axis=1, initial=0.0))
+        records["range"][rows] = np.where(
+            np.isin(near.positions[which], list(self._kept)),
+            np.inf,
+            np.maximum(watched.ranges[kinds], levels.max(axis=1, initial=0.0)),
+        )
 
     def _report(self, searched: list[int], started: float, budget_s: float) -> Tick:
         near = self._near

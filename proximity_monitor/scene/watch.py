@@ -233,7 +233,7 @@ class NearPairs:
         self._broad = BroadPhase()
         self._heard: tuple[bytes, bytes] | None = None
         self._silent_pairs, self._silent_keys = 0, np.empty(0, np.int64)
-        self._ignored = np.empty(0, np.int64)
+        self._ignored = self._kept = np.empty(0, np.int64)
         self.unsure = 0
         self._finite = np.empty((2, 0), np.int64)  # keys and rows of near pairs
         a, b = watched.bodies(watched.infinite())
@@ -257,6 +257,11 @@ class NearPairs:
         self._ignored = self._of_finite_range(*self._watched.bodies(positions))
         self._heard = None
 
+    def keep(self, positions: np.ndarray) -> None:
+        """Let the watched pairs at positions (k,) have rows wherever their bodies are."""
+        self._kept = self._of_finite_range(*self._watched.bodies(positions))
+        self._heard = None
+
     def update(self, known: np.ndarray, silent: np.ndarray, moved: bool) -> Change:
         """Find the pairs that are near at the present poses.
 
@@ -274,7 +279,7 @@ class NearPairs:
             self._watched.moving,
             self._taking_part[known[self._taking_part]],
         )
-        keys = self._of_finite_range(pairs[:, 0], pairs[:, 1])
+        keys = np.union1d(self._of_finite_range(pairs[:, 0], pairs[:, 1]), self._kept)
         if heard != self._heard:
             self._heard = heard
             self._silent_pairs = self._watched.finite_of(silent)

@@ -6,7 +6,7 @@ from crowds import assert_certified, exact, samples, text, walk
 
 from proximity_monitor.scene import Thresholds
 from proximity_monitor.scene import watch as watched_pairs
-from proximity_monitor.scene.alerts import Alerts
+from proximity_monitor.scene.alerts import Alerts, Level
 from proximity_monitor.scene.monitor import Monitor
 from proximity_monitor.scene.opening import load_models
 from proximity_monitor.scene.state import PairStatus
@@ -224,3 +224,24 @@ def test_a_crowd_before_its_first_poses_costs_no_more_than_after(load):
     for k in range(2):
         alerts.update(monitor.tick({}, ENOUGH_S), limits, 2.0 + k, silent=why)
     assert len(judged) <= 250, "who is as silent as before is not judged again"
+
+
+def test_a_pair_that_is_held_at_a_level_stays_listed_until_it_is_clear(load):
+    """Who reads the ticks takes a pair that is not listed for clear."""
+    limits = "thresholds: {warn: 0.5, stop: 0.4, hold_s: 1.5}"
+    scene, models, monitor = watch(load, head=f"range: 1\n{limits}")
+    alerts, thresholds = Alerts(scene.pairs, scene.unit), [p.thresholds for p in scene.pairs]
+    near, far = next(walk(COUNT, 1)), next(walk(COUNT, 1, spread=50.0))
+    listed = []
+    for k, poses in enumerate((near, far, far, far, far)):
+        tick = monitor.tick(samples(poses), ENOUGH_S)
+        alerts.update(tick, thresholds, float(k))
+        monitor.keep(alerts.held)
+        listed.append({pair.index for pair in tick.pairs})
+        unclear = {i for i, level in alerts.levels.items() if level is not Level.CLEAR}
+        assert unclear <= listed[-1]
+        assert len(tick.pairs) + tick.far == PAIRS
+        assert_certified(tick, exact(models, poses))
+    assert listed[1] == listed[2] == listed[3], "at the last of them they are released"
+    assert listed[1] < listed[0] and listed[1]
+    assert not listed[4]
