@@ -95,7 +95,7 @@ class Drag:
         if room is None or now is None:
             return None
         frame, scene, parts = room
-        group = carried(name, scene.attachments)
+        group = carried(name, scene.held)
         radius = radius_of(name, group, frame, scene, parts)
         if math.isinf(radius):
             return None

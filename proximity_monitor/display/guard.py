@@ -25,12 +25,12 @@ SURELY = 1.02
 _HALVINGS = 40
 
 
-def carried(name: str, attachments: Mapping[str, str]) -> frozenset[str]:
-    """Return a body with all that move with it, by the parent's name of each attached one."""
+def carried(name: str, held: Mapping[str, str]) -> frozenset[str]:
+    """Return a body with all that move with it, by the parent's name of each that is held."""
     found, new = frozenset(), frozenset({name})
     while new:
         found |= new
-        new = frozenset(child for child, parent in attachments.items() if parent in new) - found
+        new = frozenset(child for child, parent in held.items() if parent in new) - found
     return found
 
 

@@ -129,7 +129,7 @@ class Move:
         if name is not None:
             pose = self._pose(name) if live else frame.pose(self._scene.moving.index(name))
         other, own = self._hand.other(name), self._hand.own
-        parent = None if name is None else news.scene.attachments.get(name)
+        parent = None if name is None else news.scene.held.get(name)
         free = self._may(name)
         self._attaching.show(news)
         self._gizmo.visible = pose is not None and free and not self._hidden

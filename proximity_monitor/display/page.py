@@ -349,5 +349,5 @@ class Page:
             elif (other := self.hand.other(name)) is not None:
                 why = f"{other.name} holds it: take it over first"
             else:
-                why = f"it is attached to {scene.attachments.get(name)}: detach it first"
+                why = f"it is attached to {scene.held.get(name)}: detach it first"
             self._client.add_notification("Not returned", f"{name}: {why}", color="red")

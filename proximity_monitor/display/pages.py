@@ -91,7 +91,7 @@ class Pages:
             shared.events.clear()
             shared.holds.release()  # bodies held since the scene came belong to the previous one
         self._scene = news.scene
-        shared.holds.follow(news.scene.attachments)
+        shared.holds.follow(news.scene.held)
         for frame in (*news.passed, news.frame):  # no tick is lost, but only the last is shown
             if frame is shared.session.newest or len(frame.poses) != len(news.scene.moving):
                 continue

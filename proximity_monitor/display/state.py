@@ -92,7 +92,11 @@ class SceneInfo:
     words: tuple[str, ...] = ()
     """What the numbers in ~/pairs stand for."""
     attachments: Mapping[str, str] = field(default_factory=dict)
-    """The parent's name by the child's, of bodies that move together."""
+    """The parent's name by the child's, as it is set; some may wait until both poses are known."""
+    held: Mapping[str, str] = field(default_factory=dict)
+    """Those of them that are in force: the child moves with its parent, and not by itself."""
+    unwatched: frozenset[tuple[str, str]] = frozenset()
+    """The pairs that are not watched because one body is held by the other."""
 
     @classmethod
     def read(cls, text: str) -> SceneInfo:
@@ -123,6 +127,8 @@ class SceneInfo:
                 checksum=told["checksum"],
                 words=tuple(told["words"]),
                 attachments=told["attachments"],
+                held=told["held"],
+                unwatched=frozenset(map(tuple, told["unwatched"])),
             )
         except (KeyError, TypeError, AttributeError) as error:
             raise ValueError(

@@ -1,7 +1,8 @@
 """What is known about pairs that a tick does not list.
 
-Most are certainly beyond their range. But pairs of bodies that are attached to each other are not
-watched, and where very many bodies are silent, the monitor lists only some of their pairs.
+Most are certainly beyond their range. But a body that is attached to another, and held by it, is
+not watched against it, and where very many bodies are silent, the monitor lists only some of their
+pairs.
 """
 
 from __future__ import annotations
@@ -62,7 +63,7 @@ def unlisted(pairs: Pairs, scene: SceneInfo, health: Health | None) -> Unlisted:
 
 def sign_of(pair: PairName, pairs: Pairs, scene: SceneInfo) -> Sign:
     """Return the sign of a pair that a tick does not list."""
-    if _root(pair[0], scene) == _root(pair[1], scene):
+    if pair in scene.unwatched:
         return UNWATCHED_SIGN
     if pairs.all_silent:
         heard = pairs.silent_names.isdisjoint(pair)
@@ -74,10 +75,3 @@ def sign_of(pair: PairName, pairs: Pairs, scene: SceneInfo) -> Sign:
 def reason(pair: PairName, pairs: Pairs, scene: SceneInfo) -> str:
     """Return why a tick does not list a pair, for people."""
     return _TOLD[sign_of(pair, pairs, scene)]
-
-
-def _root(name: str, scene: SceneInfo) -> str:
-    """Return the body that a body moves with."""
-    while name in scene.attachments:
-        name = scene.attachments[name]
-    return name

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -84,6 +84,7 @@ class Outputs:
         self._poses = create(PoseArray, "poses", LATEST)
         self._described = create(String, "scene", LATCHED)
         self._scene_is_new = True
+        self._held: Mapping[str, str] = {}
         self._deforming: set[str] = set()
         moving = [body.name for body in scene.bodies if body.moving]
         self._poses_message = PosesMessage(moving, settings.frame)
@@ -204,12 +205,17 @@ class Outputs:
             self._send("parts", self._parts, self._message.serialised())
             self._parts_due_s = now_s + self._message.period_s
 
-    def publish_scene(self) -> None:
-        """Publish the scene and the settings in force, if they changed."""
-        if self._scene_is_new:
-            self._scene_is_new = False
+    def publish_scene(self, held: Mapping[str, str], unwatched: Collection[int]) -> None:
+        """Publish the scene and what is in force, if they changed.
+
+        Args:
+            held: the parent's name by the child's, of attached bodies that are carried now.
+            unwatched: the pairs, by index, that are not watched because of that.
+        """
+        if self._scene_is_new or held != self._held:
+            self._scene_is_new, self._held = False, held
             message = self._scene_message.message(
-                self._settings, self._deforming, self._pairs_message.words
+                self._settings, self._deforming, self._pairs_message.words, held, unwatched
             )
             self._send("scene", self._described, message)
 

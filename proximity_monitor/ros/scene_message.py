@@ -2,7 +2,8 @@
 
 JSON because common_interfaces has no type with named things of several kinds. All lengths are in
 metres; `unit` is the one that people read. It is published again when a setting in it changes, when
-a body's control points arrive for the first time, or when there is a new word.
+a body's control points arrive for the first time, when an attached body is held, or when there is a
+new word.
 
 ==================  ===========================================================================
 ``name``            of the scene file, without its suffix; a bundled scene's is its folder's
@@ -22,7 +23,11 @@ a body's control points arrive for the first time, or when there is a new word.
 ``pairs``           how many are watched
 ``thresholds``      ``warn``, ``stop`` and ``hysteresis`` of the pairs that have none of their own
 ``own_thresholds``  a list: ``a`` and ``b``, with the same three
-``attachments``     the parent's name by the child's, of bodies that move together
+``attachments``     the parent's name by the child's, as it is set
+``held``            those of them that are in force: the child moves with its parent, and its own
+                    poses do not count. All others wait until the poses of both are known and fresh
+``unwatched``       a list of pairs, two names each in the scene's order, that are not watched now
+                    because one body is held by the other
 ``own_parameters``  whether the latter can be set, as parameters ``pairs.<a>.<b>.<limit>``
 ``settings``        in force: ``rate_hz``, ``budget_ms``, ``pose_timeout_s``, and ``rel_err`` and
                     ``abs_err``, null where each pair has its own
@@ -72,7 +77,12 @@ class SceneMessage:
         self._common = next((i for i in range(len(scene.pairs)) if i not in with_own), None)
 
     def message(
-        self, settings: Settings, deforming: Collection[str], words: Sequence[str]
+        self,
+        settings: Settings,
+        deforming: Collection[str],
+        words: Sequence[str],
+        held: Mapping[str, str],
+        unwatched: Collection[int],
     ) -> String:
         """Return the message.
 
@@ -80,6 +90,8 @@ class SceneMessage:
             settings: in force.
             deforming: bodies whose control points have arrived.
             words: that ~/pairs has numbers for.
+            held: the parent's name by the child's, of attached bodies that are carried now.
+            unwatched: the pairs, by index, that are not watched because of that.
         """
         scene, limits = self._scene, settings.thresholds
         path, unit = scene.path, scene.unit
@@ -104,6 +116,8 @@ class SceneMessage:
                 for i in self._own
             ],
             "attachments": dict(settings.attachments),
+            "held": dict(held),
+            "unwatched": [[scene.pairs[i].a, scene.pairs[i].b] for i in unwatched],
             "own_parameters": len(self._own) <= MAX_PAIRS,
             "settings": {
                 "rate_hz": settings.rate_hz,

@@ -21,6 +21,8 @@ class Whereabouts:
 
     unwatched: Mapping[int, str]
     """Why pairs are not watched now, by index."""
+    joined: tuple[int, ...]
+    """Those of them whose bodies are attached to each other, in order."""
 
     def __init__(
         self,
@@ -41,7 +43,7 @@ class Whereabouts:
         """
         self.attachments = Attachments(scene.bodies)
         self.clock = StillClock(node.get_clock())
-        self.unwatched = {}
+        self.unwatched, self.joined = {}, ()
         self._unwatched_for = {}, frozenset()
         self._log = node.get_logger()
         self._pairs = scene.pairs
@@ -130,10 +132,10 @@ class Whereabouts:
             for i, other in self._pairs_of(name, np.arange(len(names))):
                 nothing = absent & {name, names[other]}
                 unwatched[i] = f"nothing is seen of {' and '.join(sorted(nothing))}"
-        for child, parent in held.items():
-            for i, _ in self._pairs_of(child, np.array([self._at[parent]])):
-                unwatched[i] = "attached to each other: not watched"
-        self.unwatched = unwatched
+        couples = ((child, np.array([self._at[parent]])) for child, parent in held.items())
+        joined = [i for couple in couples for i, _ in self._pairs_of(*couple)]
+        unwatched.update(dict.fromkeys(joined, "attached to each other: not watched"))
+        self.unwatched, self.joined = unwatched, tuple(sorted(joined))
         self._ignore(unwatched)
 
     def _pairs_of(self, name: str, others: np.ndarray) -> Iterator[tuple[int, int]]:

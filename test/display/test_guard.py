@@ -93,9 +93,9 @@ def test_a_warn_that_is_stop_leaves_room_up_to_the_range():
 
 def test_what_a_part_carries_counts_as_the_part_itself():
     scene, frame = scene_and_frame()
-    scene = replace(scene, attachments={"b": "a", "d": "b"})
-    assert carried("a", scene.attachments) == {"a", "b", "d"}
-    assert carried("b", scene.attachments) == {"b", "d"}
+    scene = replace(scene, held={"b": "a", "d": "b"})
+    assert carried("a", scene.held) == {"a", "b", "d"}
+    assert carried("b", scene.held) == {"b", "d"}
     # Its own pairs leave 0.01; that of b and c leaves less than nothing; a and b move together.
     assert slack({"a", "b"}, frame, scene, AT_STOP) == pytest.approx(0.001 - 0.02)
     frame.pairs.lower[:] = 0.001, 0.3, 0.3

@@ -20,7 +20,7 @@ from proximity_monitor.display.holds import Hand
 from proximity_monitor.display.state import STOP, Thresholds
 
 PERSON = SimpleNamespace(client=object())
-ATTACHED = replace(SCENE, attachments={"b": NAMES[0]})
+ATTACHED = replace(SCENE, attachments={"b": NAMES[0]}, held={"b": NAMES[0]})
 STEP = np.array([0.5, 0.0, 0.0]), np.zeros(3)
 
 
@@ -82,6 +82,17 @@ def test_what_becomes_attached_is_let_go_whoever_holds_it(page):
     assert page.all._parts["b"].pose[0] == 3.0
     page.tell(scene=SCENE)
     assert other.place("b", at(2.0), THERE)
+
+
+def test_what_waits_to_be_attached_is_held_here_until_the_monitor_has_it(page):
+    page.tell(frame=frame(1.0, poses=(HERE, np.zeros(7))))
+    page.hand.place("b", at(2.0), at(2.0))
+    page.tell(scene=replace(ATTACHED, held={}))
+    assert page.holds.poses.keys() == {"b"}, "else nobody might give it the pose it waits for"
+    assert page.hand.may("b")
+    page.tell(scene=ATTACHED)
+    assert not page.holds.poses
+    assert not page.hand.may("b")
 
 
 def attach(page, parent):

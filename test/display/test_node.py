@@ -54,6 +54,8 @@ SCENE = {
     "thresholds": {"warn": 0.1, "stop": 0.02, "hysteresis": 0.0},
     "own_thresholds": [],
     "attachments": {},
+    "held": {},
+    "unwatched": [],
     "own_parameters": True,
     "settings": {"rate_hz": 30.0},
 }

@@ -23,6 +23,9 @@ bodies:
 """
 
 
+HELD = {"cursor": "ball"}
+
+
 def described(folder, text, **settings):
     path = folder / "cell.yaml"
     path.write_text(text)
@@ -30,16 +33,18 @@ def described(folder, text, **settings):
     made = SceneMessage(scene, load_models(scene), lambda topic: f"/left/{topic}")
     in_force = dict.fromkeys(Settings._fields) | {
         "frame": "cell", "budget_s": 0.01, "body_topics": True,
-        "thresholds": (Thresholds(2, 1, 0),), "attachments": {"cursor": "ball"},
+        "thresholds": (Thresholds(2, 1, 0),), "attachments": {"ball": "table", "cursor": "ball"},
     } | settings  # fmt: skip
-    return SceneInfo.read(made.message(Settings(**in_force), (), ["a word"]).data)
+    return SceneInfo.read(made.message(Settings(**in_force), (), ["a word"], HELD, [1]).data)
 
 
 def test_the_scene_is_read_as_the_monitor_writes_it(tmp_path):
     scene = described(tmp_path, SCENE)
     assert scene.unit == Unit("mm", 0.001)
     assert scene.moving == ("ball", "cursor")
-    assert scene.attachments == {"cursor": "ball"}
+    assert scene.attachments == {"ball": "table", "cursor": "ball"}
+    assert scene.held == HELD
+    assert scene.unwatched == {("table", "cursor")}
     assert scene.path == str(tmp_path / "cell.yaml")
     assert scene.checksum == checksum(("table", "ball", "cursor"))
     assert scene.words == ("a word",)

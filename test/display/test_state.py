@@ -51,6 +51,8 @@ TOLD = {
     "thresholds": {"warn": 0.1, "stop": 0.02, "hysteresis": 0.0},
     "own_thresholds": [{"a": "a", "b": "c", "warn": 0.2, "stop": 0.1, "hysteresis": 0.0}],
     "attachments": {},
+    "held": {},
+    "unwatched": [],
     "own_parameters": True,
     "settings": {"rate_hz": 30.0},
 }

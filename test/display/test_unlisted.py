@@ -62,10 +62,11 @@ def words_of(html):
 
 
 def test_an_attached_pair_is_unwatched_and_not_clear():
-    scene, events = replace(SCENE, attachments={"c": "b", "b": "a"}), Events()
+    scene, events = replace(SCENE, unwatched={("a", "c")}), Events()
     events.note(frame(0.0, level=STOP), SCENE)
     events.note(frame(1.0, NAMES[:1], STOP), scene)
     assert reason(("a", "c"), frame(1.0).pairs, scene).startswith("not watched")
+    assert reason(("a", "b"), frame(1.0).pairs, scene) == "beyond its range"
     events.note(frame(2.0, NAMES[:1], STOP), scene)
     events.note(frame(3.0), SCENE)
     changes = [(event.before.word, event.after.word) for event in events.all]

@@ -61,7 +61,7 @@ class Peer:
         from geometry_msgs.msg import PoseArray, PoseStamped
         from rclpy.executors import SingleThreadedExecutor
         from rclpy.qos import DurabilityPolicy, QoSProfile
-        from std_msgs.msg import Float64
+        from std_msgs.msg import Float64, String
         from visualization_msgs.msg import MarkerArray
 
         self.monitor = monitor
@@ -84,6 +84,7 @@ class Peer:
             "markers": (MarkerArray, 10),
             "parts": (MarkerArray, latched),
             "alerts": (DiagnosticStatus, latched),
+            "scene": (String, latched),
         }
         for topic, (kind, qos) in kinds.items():
             name = f"proximity_monitor/{topic}"

@@ -1,5 +1,7 @@
 """Attaching a body to another and detaching it while the node runs."""
 
+import json
+
 import pytest
 from deadlines import START_DEADLINE_S
 
@@ -105,11 +107,21 @@ def test_a_node_can_start_with_bodies_attached(launch, scene_file, new_peer):
         lambda: inputs(peer).get("waiting to be attached"), "the start", START_DEADLINE_S
     )
     assert waiting == "ball on table, die on ball"
+
+    def told():
+        scene = json.loads(peer.received["scene"][-1].data)
+        return scene["attachments"], scene["held"], scene["unwatched"]
+
+    parents = {"ball": "table", "die": "ball"}
+    peer.wait(lambda: "scene" in peer.received, "the scene")
+    assert told() == (parents, {}, [])
     peer.hold(ball=(0.0, 0.0, 0.5), die=(0.8, 0.1, 0.9))
     peer.wait(lambda: inputs(peer).get("attached bodies") == waiting, "both to be attached")
     peer.hold()
     pairs = peer.wait(lambda: (p := peer.pairs()) and len(p) == 1 and p, "the one pair left")
     assert pairs["table - die"]["state"] == "clear"
+    unwatched = [["table", "ball"], ["ball", "die"]]
+    peer.wait(lambda: told() == (parents, parents, unwatched), "the scene to tell of both")
 
 
 def test_a_circle_given_at_start_ends_the_node_with_the_reason(launch, scene_file):
