@@ -18,6 +18,7 @@ from proximity_monitor.display.signs import (
     CLEAR_SIGN,
     HIDDEN_SIGN,
     STALE_SIGN,
+    UNWATCHED_SIGN,
     Sign,
     clearance,
     length,
@@ -171,8 +172,8 @@ def banner(
 ) -> str:
     """Return a banner with the worst pair that is not clear, or that all are clear.
 
-    It always takes the same room, so that nothing moves under the pointer. It is green only if all
-    pairs are clear, the hidden ones too, and names those that it speaks of.
+    It always takes the same room, so that nothing moves under the pointer. It is green only if
+    there are pairs that it speaks of, and all of them are clear, the hidden ones too.
 
     Args:
         frame: the last tick.
@@ -201,6 +202,8 @@ def banner(
         return _boxed(STALE_SIGN, f"{when}{'; '.join(left.lines)}", "")
     which = " listed" if left.unexplained else " watched" if left.unwatched else ""
     count = scene.pairs - left.unexplained - left.unwatched
+    if not count:
+        return _boxed(UNWATCHED_SIGN, f"{when}no pair is{which or ' watched'}", "")
     text = f"the one{which} pair" if count == 1 else f"all {count}{which} pairs"
     if choice.ignored:
         text += f", {len(choice.ignored)} of them hidden"

@@ -57,7 +57,9 @@ def unlisted(pairs: Pairs, scene: SceneInfo, health: Health | None) -> Unlisted:
     if not (unsure.isdecimal() and unwatched.isdecimal()):
         return Unlisted(unexplained=left)
     unsure = min(int(unsure), left)
-    unwatched = min(int(unwatched), left - unsure)
+    # What was attached meanwhile only the scene tells. A pair that is still counted after it was
+    # detached does no harm.
+    unwatched = min(max(int(unwatched), len(scene.unwatched)), left - unsure)
     return Unlisted(left - unsure - unwatched, unsure, unwatched)
 
 

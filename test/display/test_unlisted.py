@@ -54,6 +54,21 @@ def test_pairs_that_are_not_listed_are_clear_only_as_far_as_that_is_known(
         assert f"clear {told_of}; nearest of those listed a - b" in words_of(said)
 
 
+@pytest.mark.parametrize(
+    "told, said",
+    [(health(0, 0), "no pair is watched"), (health(0, 1), "no pair is watched"),
+     (None, "no pair is listed")],
+)  # fmt: skip
+def test_where_no_pair_is_watched_none_is_clear(told, said):
+    """Diagnostics may be of before the attachment; the scene that tells of it is not."""
+    scene, now = replace(SCENE, unwatched={("a", "b")}), frame(1.0, names=())
+    left = unlisted(now.pairs, scene, told)
+    assert left.far == 0
+    shown = banner(now, scene, Choice(), LIVE, left)
+    assert CLEAR_SIGN.colour not in shown
+    assert said in words_of(shown)
+
+
 def words_of(html):
     class Html:
         content = html
