@@ -215,15 +215,16 @@ def _check_topics(
         elif body.deforming:
             topic = control_topic(body.name, models[body.name].control_name)
             wanted.append((topic, PointCloud2, f"the shape of {body.name}"))
-    first: dict[str, tuple[type, str]] = {}
+    users: dict[str, list[tuple[type, str]]] = {}
     for topic, kind, whose in wanted:
         full = node.resolve_topic_name(topic)
-        other, its = first.setdefault(full, (kind, whose))
-        if other is not kind or (its != whose and {its, whose} <= poses):
-            raise ValueError(
-                f"{scene.path.name}: topic {full} is to carry {its} ({other.__name__}) and {whose} "
-                f"({kind.__name__}); give one of them another topic"
-            )
+        for other, its in users.setdefault(full, []):
+            if other is not kind or {its, whose} <= poses:
+                raise ValueError(
+                    f"{scene.path.name}: topic {full} is to carry {its} ({other.__name__}) and "
+                    f"{whose} ({kind.__name__}); give one of them another topic"
+                )
+        users[full].append((kind, whose))
 
 
 def _transforms_type():

@@ -1,4 +1,7 @@
-"""Names of bodies, which may be any text, and what stands for them where ROS wants a word."""
+"""Names of bodies, which may be any text, and what stands for them where ROS wants a word.
+
+Topics, too, have more than one name.
+"""
 
 from __future__ import annotations
 
@@ -34,6 +37,14 @@ def safe(name: str) -> str:
     kept = _UNFIT.sub("_", plain).strip("_")[:_KEPT].rstrip("_")
     kept = kept if kept and kept[0].isalpha() else f"part_{kept}".rstrip("_")
     return f"{kept}_{sha256(name.encode()).hexdigest()[:8]}"
+
+
+def rooted(topic: str) -> str:
+    """Return a topic's full name as a node without a namespace has it, to compare topics.
+
+    ``joints`` and ``/joints`` are one there. ``~/joints`` stays: it depends on the node's name.
+    """
+    return topic if topic.startswith(("/", "~")) else f"/{topic}"
 
 
 def fitting(text: str, end: str = "") -> str:

@@ -17,7 +17,7 @@ from proximity_monitor.scene.bodies import read_colour, read_pose, read_solid, r
 from proximity_monitor.scene.description import Body, Compound, Part, Robot, Root, Unit
 from proximity_monitor.scene.kinematics import Joint, Kinematics
 from proximity_monitor.scene.markup import Arguments, is_xacro
-from proximity_monitor.scene.naming import fitting
+from proximity_monitor.scene.naming import fitting, rooted
 from proximity_monitor.scene.paths import mesh_path, model_path
 from proximity_monitor.scene.report import Keys, Report, SceneError, listed, meant
 from proximity_monitor.scene.robot_pairs import excluded
@@ -302,11 +302,12 @@ def check_script(section: Mapping[str, Any], robots: tuple[Robot, ...], report: 
         for other in robots if found else ():
             robot = owned[0][0]
             names = [each.name for each in other.kinematics.free]
-            if other is not robot and other.topic == robot.topic and found.name in names:
+            shared = rooted(other.topic) == rooted(robot.topic)
+            if other is not robot and shared and found.name in names:
                 report.add(
                     keys,
-                    f"robots '{robot.name}' and '{other.name}' read '{found.name}' from one topic; "
-                    "give each a topic of its own",
+                    f"robots '{robot.name}' and '{other.name}' read '{found.name}' from one topic, "
+                    f"{rooted(robot.topic)} without a namespace; give each a topic of its own",
                 )
 
 

@@ -5,12 +5,14 @@ One monitor serves all tests; it is started with overrides that are turned round
 
 import math
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
 
+import rclpy
 from geometry_msgs.msg import PoseStamped, TransformStamped
 from rcl_interfaces.srv import GetParameters
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -18,6 +20,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from proximity_monitor.ros.inputs import Inputs
+from proximity_monitor.ros.sources import _check_topics
 from proximity_monitor.scene import load_scene
 
 LOADER = """<robot name="loader">
@@ -222,4 +225,23 @@ def test_a_transform_moves_the_root(rclpy_context, hall):
     np.testing.assert_array_equal(samples["loader_lamp"].pose[:3, 3], [0.0, 2.0, 0.5])
     assert called == [1]
     sources.destroy()
+    node.destroy_node()
+
+
+def test_two_bodies_on_one_topic_are_refused_behind_a_root_on_it(rclpy_context, tmp_path):
+    (tmp_path / "loader.urdf").write_text(LOADER)
+    sphere = "primitive: {sphere: {radius: 1}}"
+    text = SCENE.replace("{topic: robot_description}", "loader.urdf").replace(
+        "frame: base_link", "topic: cart"
+    )
+    path = tmp_path / "scene.yaml"
+    path.write_text(text.replace("robots:", f"  - {{name: a, {sphere}, topic: /cart}}\nrobots:"))
+    node = rclpy.create_node("topics")
+    settings = SimpleNamespace(body_topics=True)
+    _check_topics(node, load_scene(path), {}, settings)
+    path.write_text(
+        path.read_text().replace("robots:", f"  - {{name: b, {sphere}, topic: cart}}\nrobots:")
+    )
+    with pytest.raises(ValueError, match=r"topic /cart .*the pose of a .*the pose of b"):
+        _check_topics(node, load_scene(path), {}, settings)
     node.destroy_node()

@@ -104,3 +104,11 @@ def test_a_joint_of_several_robots_is_named_with_its_robot(load, tmp_path, joint
         assert list(load(text).motion["script"]["joints"]) == [joint]
     with pytest.raises(SceneError, match=r"several robots|one topic|its positions"):
         load(text.replace("lift/states", "joint_states"))
+
+
+def test_topics_are_compared_as_without_a_namespace(load, tmp_path):
+    (tmp_path / "lift.urdf").write_text(CRANE)
+    text = SCENE + SCRIPT.replace("JOINT", "crane/swing").replace("KIND", "angles_deg")
+    with pytest.raises(SceneError, match="from one topic, /joint_states without a namespace"):
+        load(text.replace("lift/states", "/joint_states"))
+    load(text.replace("lift/states", "~/joint_states"))
