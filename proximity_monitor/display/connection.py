@@ -12,7 +12,7 @@ import numpy as np
 
 from proximity_monitor.display.choice import Choice
 from proximity_monitor.display.fresh import GREEN, GREY, aging, fading, patience_s
-from proximity_monitor.display.inbox import News
+from proximity_monitor.display.inbox import GONE_S, News
 from proximity_monitor.display.order import urgent_first
 from proximity_monitor.display.signs import (
     CLEAR_SIGN,
@@ -28,9 +28,6 @@ from proximity_monitor.display.signs import (
 )
 from proximity_monitor.display.state import BOUNDED, STALE, STOP, WARN, Frame, Pairs, SceneInfo
 from proximity_monitor.display.unlisted import Unlisted, unlisted
-
-GONE_S = 3.5
-"""Seconds without diagnostics, which come each second, after which the monitor is gone."""
 
 
 class ConnectionState(enum.Enum):

@@ -18,6 +18,9 @@ from proximity_monitor.display.received import (
 )
 from proximity_monitor.display.state import Frame, Health, Playing, SceneInfo
 
+GONE_S = 3.5
+"""Seconds without diagnostics, which come each second, after which the monitor is gone."""
+
 UNREAD = 16
 """How many ticks are kept until the page reads them; beyond it the oldest go."""
 
@@ -37,7 +40,9 @@ class News:
     passed: tuple[Frame, ...] = ()
     """The readable ticks before it that came since the news before, the oldest first."""
     health: Health | None = None
+    """Of the scene; None: not heard yet, or not for long."""
     health_at_s: float = float("-inf")
+    """When the monitor told its health last, of whatever scene, by the monotonic clock."""
     unreadable: Mapping[str, str] = field(default_factory=dict)
     """Why the last message could not be read, by kind of message."""
     present: bool = False
@@ -86,6 +91,9 @@ class Inbox:
     def news(self) -> News:
         """The news so far, without unread messages."""
         with self._lock:
+            old = time.monotonic() > self._news.health_at_s + GONE_S
+            if old and self._news.health is not None:
+                self._news = replace(self._news, health=None)
             return self._news
 
     def tell(self, **changes: object) -> None:
@@ -126,7 +134,13 @@ class Inbox:
             self._poses.clear()
             self._matched.clear()
             self._news = replace(
-                self._news, scene=scene, parts=None, frame=None, passed=(), unreadable={}
+                self._news,
+                scene=scene,
+                parts=None,
+                frame=None,
+                passed=(),
+                unreadable={},
+                health=None,
             )
 
     def wait(self, timeout_s: float) -> bool:

@@ -77,8 +77,7 @@ class LimitsPanel:
                 self._ask(wanted)
         elif (scene is not self._asked_in or refusal) and now_s >= self._asked_s + HAND_S:
             self._follow(scene)
-        if health is not None:
-            self._cost.content = self._tell_cost(scene, health)
+        self._cost.content = "" if health is None else self._tell_cost(scene, health)
         told = f"<div class=pm style='color:#b3261e'>not taken: {escape(refusal)}</div>"
         self._refusal.content = told if refusal else ""
 

@@ -49,7 +49,7 @@ def unlisted(pairs: Pairs, scene: SceneInfo, health: Health | None) -> Unlisted:
     Args:
         pairs: of the tick.
         scene: of the tick.
-        health: of that time, at most a second older; None: not known.
+        health: of that time, some seconds older at most; None: not known.
     """
     left = scene.pairs - len(pairs)
     told = {} if health is None else health.clearance

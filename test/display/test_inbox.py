@@ -7,7 +7,8 @@ import pytest
 from page_alone import PARTS, SCENE, frame
 
 from proximity_monitor.display import inbox as inboxes
-from proximity_monitor.display.inbox import Inbox
+from proximity_monitor.display.inbox import GONE_S, Inbox
+from proximity_monitor.display.state import Health
 
 NEXT = replace(SCENE, name="the next")
 
@@ -55,3 +56,17 @@ def test_each_message_goes_with_the_one_of_its_tick_also_where_a_stamp_comes_aga
     inbox.put_poses(half("5", "2"))
     told = [(pairs[12:], poses[12:]) for pairs, poses, _ in inbox._matched]
     assert told == [(tick.encode(),) * 2 for tick in "12345"]
+
+
+def test_what_the_monitor_told_of_itself_counts_for_its_scene_and_some_seconds():
+    inbox, health = Inbox(), Health(schedule={"message": ""})
+    inbox.begin(SCENE)
+    inbox.put_health(health)
+    heard_s = inbox.news.health_at_s
+    assert inbox.read().health is health
+    inbox.begin(NEXT)
+    assert inbox.read().health is None
+    assert inbox.news.health_at_s == heard_s, "the monitor is there"
+    inbox.put_health(health)
+    inbox.tell(health_at_s=heard_s - 1.0 - GONE_S)
+    assert inbox.read().health is None
