@@ -161,6 +161,16 @@ def test_a_drag_stops_at_the_limit_that_is_in_force(page):
     assert page.holds.poses["b"][0] == pytest.approx(3.05)
 
 
+def test_what_only_waits_to_be_attached_to_a_part_stops_its_drag(page):
+    page.move.pick(NAMES[0])
+    page.move._stop.value = AT_STOP
+    page.tell(scene=replace(ATTACHED, held={}), frame=frame(1.0))
+    centre = page.move._gizmo.position[0]
+    drag(page, "start", centre)
+    drag(page, "update", centre + 1.0)
+    assert page.holds.poses[NAMES[0]][0] == pytest.approx(0.28)
+
+
 def test_a_drag_ends_when_another_hand_takes_the_part(page):
     page.move.pick("b")
     page.tell(frame=frame(1.0))
