@@ -70,6 +70,32 @@ def test_what_a_surface_may_be_off_is_kept_free(soft):
     assert world.stops == 0
 
 
+@pytest.mark.parametrize("of_both", [0.0, 1.0])
+@pytest.mark.parametrize(
+    ("thing", "low"),
+    [
+        (lambda off: shapes.sphere(0.05, deviation=off), 0.05),
+        (lambda off: shapes.capsule(0.05, 0.1, deviation=off), 0.1),
+        (lambda off: shapes.cone(0.05, 0.02, 0.1, deviation=off), 0.05),
+    ],
+    ids=["ball", "capsule", "cone"],
+)
+def test_bodies_of_either_kind_rest_where_a_surface_may_be_off(thing, low, of_both):
+    off = 10.0 * MARGIN
+    model = thing(of_both * off)
+    floor = RigidBody("floor", shapes.box((1.0, 1.0, 0.1), deviation=off), at((0.0, 0.0, -0.05)))
+    away = (1.0 + of_both) * off
+    body = moving(model, at((0.0, 0.0, low + away + 2.0 * MARGIN)))
+    world = World([body, floor], Forces(DOWN, IMPULSE, friction=0.3), STEP_S)
+    for _ in range(12):
+        world.step()
+        left = nearest(world) - 2.0 * away  # the upper bound has the deviations on top
+        assert left > 0.0
+    assert left < 1.5 * MARGIN
+    assert world.stops == 0
+    assert world.touched is None
+
+
 def test_a_ring_that_fell_aslant_lies_on_either_side():
     """One pair of nearest points a pair of bodies is found; those before stay."""
     ring = moving(torus(0.05, 0.008), at((0.0, 0.0, 0.07), (1, 0.3, 0), 0.8))

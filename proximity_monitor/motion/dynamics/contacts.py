@@ -154,10 +154,7 @@ class ContactFinder:
                 if len(at):
                     facing = contacts.points[at, 1 - side]
                     found = engine.closest_points(model, pose, facing).points
-                    apart = facing - found
-                    gaps = np.linalg.norm(apart, axis=1, keepdims=True)
-                    off = np.minimum(self._deviation[self._owner[row]], gaps)
-                    found = found + np.divide(off, gaps, where=gaps > 0.0, out=0.0 * gaps) * apart
+                    found = _outward(found, facing, self._deviation[self._owner[row]])
                     local[at, side] = (found - pose[:3, 3]) @ pose[:3, :3]
         turn, place = poses[contacts.bodies, :3, :3], poses[contacts.bodies, :3, 3]
         points = np.einsum("ksij,ksj->ksi", turn, local) + place
@@ -250,11 +247,21 @@ class ContactFinder:
         apart = points[:, 0] - points[:, 1]
         gaps = np.sqrt((apart * apart).sum(axis=1))
         normals = apart / gaps[:, None]
-        points += off[:, :, None] * np.stack((-normals, normals), axis=1)
+        points = _outward(points, points[:, ::-1], off)
         gaps -= off.sum(axis=1)
         turn, place = poses[bodies, :3, :3], poses[bodies, :3, 3]
         local = np.einsum("ksji,ksj->ksi", turn, points - place)
         return bodies, points, normals, gaps, keys, local
+
+
+def _outward(
+    points: NDArray[np.float64], facing: NDArray[np.float64], off: NDArray[np.float64] | float
+) -> NDArray[np.float64]:
+    """Points (..., 3) moved by what surfaces may be off (...), and not beyond those they face."""
+    apart = facing - points
+    gaps = np.sqrt((apart * apart).sum(axis=-1))
+    share = np.divide(np.minimum(off, gaps), gaps, where=gaps > 0.0, out=np.zeros_like(gaps))
+    return points + share[..., None] * apart
 
 
 def _placed(

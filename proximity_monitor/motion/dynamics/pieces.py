@@ -30,7 +30,8 @@ class Pieces:
         models: the pieces, each with the vertices that it uses alone.
         triangles: the faces of the whole that each piece consists of; of the model itself -1.
         spheres: (p, 4) metres, model frame; centre and radius of a sphere around each piece.
-        boxes: (p, 6) metres, model frame; least and greatest corner of each piece.
+        boxes: (p, 6) metres, model frame; least and greatest corner of each piece and what it may
+            deviate by.
         corners: (m, 3, 3) metres, model frame; the corners of the whole's triangles.
         places: (m, 3) number of each corner, equal where the coordinates are.
         first: (n + 1,) where the triangles of a place begin in `around`.
@@ -67,7 +68,8 @@ def cut(model: engine.Model, deforming: bool = False) -> Pieces:
         name = f"{model.name}, piece {i}"
         how = {"name": name, "deviation": model.deviation}
         models.append(engine.shapes.triangles(vertices[used], own.reshape(-1, 3), **how))
-        boxes.append([*vertices[used].min(axis=0), *vertices[used].max(axis=0)])
+        low, high = vertices[used].min(axis=0), vertices[used].max(axis=0)
+        boxes.append([*(low - model.deviation), *(high + model.deviation)])
     places = mesh.welded().astype(np.int64)
     first = np.concatenate(([0], np.cumsum(np.bincount(places.reshape(-1)))))
     return Pieces(
