@@ -1,10 +1,13 @@
 """Polygons that are not convex, in every format that has polygons."""
 
+import time
+
 import numpy as np
 import pytest
 from model_files import DAE, binary_stl
 
 from proximity_monitor import engine
+from proximity_monitor.engine.files.polygons import cut_polygons
 
 ELL = [(3, 0), (3, 1), (1, 1), (1, 3), (0, 3), (0, 0)]
 COMB = [
@@ -95,14 +98,53 @@ def test_what_is_outside_of_a_concave_polygon_is_not_touched(load):
 
 
 @pytest.mark.parametrize("kind", ["obj", "off", "ply", "dae"])
-def test_a_concave_polygon_that_is_not_flat_is_refused(load, kind):
-    points = placed(ARROW)
-    points[1, 2] = 0.5
-    with pytest.raises(engine.ModelError, match="a concave polygon that is not flat"):
-        load(kind, points)
+def test_a_polygon_that_is_far_from_flat_is_refused_whatever_its_first_corner(load, kind):
+    for lift in (0.9, 1.5):
+        for first in range(4):
+            points = placed(ARROW)
+            points[1, 2] = lift
+            with pytest.raises(engine.ModelError, match="a polygon that is far from flat"):
+                load(kind, np.roll(points, first, axis=0))
 
 
-def test_convex_polygons_need_not_be_flat_and_corners_may_be_on_a_line(load):
+def test_a_polygon_that_crosses_itself_is_refused(load):
+    bow = [(0, 0), (4, 4), (4, 0), (0, 3)]
+    for first in range(4):
+        with pytest.raises(engine.ModelError, match="a polygon that crosses itself"):
+            load("obj", placed(bow[first:] + bow[:first]))
+
+
+def test_a_concave_polygon_may_be_rounded_or_bent(load):
+    spot = np.random.default_rng(3)
+    for digits, size, lift in ((6, 1e-3, 0.0), (3, 1.0, 0.0), (9, 1.0, 0.1)):
+        for turn in spot.uniform(0.0, 6.0, 3):
+            points = placed(size * np.array(ELL), turn)
+            points[:, 2] += lift * spot.uniform(-1.0, 1.0, len(points))
+            for first in range(len(points)):
+                mesh = load("obj", np.roll(points, first, axis=0).round(digits))
+                areas = area_vectors(mesh) @ area_vectors(mesh).sum(axis=0)
+                assert len(areas) == 4
+                assert areas.min() > 0.0
+
+
+def test_a_spike_without_area_has_no_plane(load):
+    for turn in np.linspace(0.0, 6.0, 9):
+        assert len(load("obj", placed([(0, 0), (1, 0.3), (2, 0.6), (1, 0.3)], turn)).faces) == 2
+
+
+def test_a_concave_polygon_may_have_many_corners():
+    angles = np.linspace(0.0, np.pi, 2000)
+    flat = np.column_stack([np.cos(angles), np.sin(angles)])
+    ring = np.concatenate((1.1 * flat, 0.9 * flat[::-1]))
+    points = np.column_stack([ring, np.zeros(len(ring))])
+    began = time.perf_counter()
+    faces = cut_polygons(points, np.arange(4000), np.array([4000]), str)
+    assert time.perf_counter() - began < 5.0
+    a, b, c = points[faces].transpose(1, 0, 2)
+    assert (np.cross(b - a, c - a)[:, 2] > 0.0).all()
+
+
+def test_convex_polygons_need_not_be_quite_flat_and_corners_may_be_on_a_line(load):
     bent = placed([(0, 0), (1, 0), (1, 1), (0, 1)])
     bent[2, 2] = 0.3
     assert load("obj", bent).faces.tolist() == [[0, 1, 2], [0, 2, 3]]

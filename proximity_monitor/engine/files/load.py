@@ -32,11 +32,12 @@ def load(
     `ParametricSurface`; or it holds a `SolidOfRevolution` (see docs/models.md). All others hold
     triangles. Several geometries in one of those are merged with their transforms; points and
     curves among them are left out. Degenerate triangles are kept, but for those that join strips.
-    Polygons are cut into fans from their first corner. Concave ones are cut otherwise where they
-    are flat, and refused where they are not. The vertices that STL repeats for each triangle are
-    merged where they are exactly equal. The `up_axis` of COLLADA does not count, as in RViz. A file
-    that is not complete and consistent is refused as a whole, and so is one whose scene is not what
-    stands in it (animations, skins, morph targets).
+    Polygons are cut into fans from their first corner, or otherwise where a fan would fold, as seen
+    along their normal. Those that cross themselves, seen so, are refused, and those whose corners
+    rise along it by more than half of their size: what they mean is unclear. The vertices that
+    STL repeats for each triangle are merged where they are exactly equal. The `up_axis` of COLLADA
+    does not count, as in RViz. A file that is not complete and consistent is refused as a whole,
+    and so is one whose scene is not what stands in it (animations, skins, morph targets).
 
     Args:
         path: the file; its extension says the format.

@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import numpy as np
 
-from .triangles import FormatError, Ints, Reals, Where, fans
+from .triangles import FormatError, Ints, Reals, Where, fans, first
 
-_FLAT = 1e-4
-"""Corners are in one plane if they are no farther from it than so much of the polygon's size."""
+_Point = tuple[float, float]
+
+_BENT = 0.5
+"""Share of a polygon's size that its corners may rise above its lowest one, along its normal. How
+a polygon is cut changes its surface by as much."""
 _ROUNDING = float(np.finfo(np.float32).eps)
 """Of coordinates in most files."""
 
 
 def cut_polygons(vertices: Reals, corners: Ints, sizes: Ints, where: Where) -> Ints:
-    """Polygons as triangles (m, 3): fans from the first corner, or the same number where they fold.
+    """Polygons as triangles (m, 3): fans from the first corner, or ears where fans would fold.
+
+    Whether they fold is seen along the normal of the polygon's plane of best fit.
 
     Args:
         vertices: (n, 3).
@@ -22,76 +27,107 @@ def cut_polygons(vertices: Reals, corners: Ints, sizes: Ints, where: Where) -> I
         where: names the place of a polygon.
 
     Raises:
-        FormatError: a concave polygon that is not flat or crosses itself: what it means is unclear.
+        FormatError: a polygon that crosses itself as seen along its normal, or is far from flat:
+            what it means is unclear.
     """
     triangles = fans(corners, sizes, len(vertices), where)
     if (sizes == 3).all():
         return triangles
-    owner = np.repeat(np.arange(len(sizes)), sizes - 2)
+    owner, begins = np.repeat(np.arange(len(sizes)), sizes - 2), np.cumsum(sizes) - sizes
+    starts = np.cumsum(sizes - 2) - (sizes - 2)
     with np.errstate(all="ignore"):  # what is not finite is refused when all is read
         a, b, c = vertices[triangles].transpose(1, 0, 2)
         normals = np.cross(b - a, c - a)
-        starts = np.cumsum(sizes - 2) - (sizes - 2)
         whole = np.add.reduceat(normals, starts, axis=0)
         turns = np.einsum("ij,ij->i", normals, whole[owner])
-    cut, begins = triangles.copy(), np.cumsum(sizes) - sizes
+        length = np.linalg.norm(whole, axis=1)
+        units = whole / np.where(length > 0.0, length, 1.0)[:, None]
+        points = vertices[corners] - np.repeat(vertices[corners[begins]], sizes, axis=0)
+        heights = np.einsum("ij,ij->i", points, np.repeat(units, sizes, axis=0))
+        extents = _spread(points, begins).max(axis=1)
+        # What has no more area than rounding makes, a spike, has no plane; so narrow a fold is none
+        # that anybody meant.
+        aside = _ROUNDING * np.maximum.reduceat(np.abs(vertices[corners]).max(axis=1), begins)
+        slight = aside * extents
+        bends = _spread(heights, begins)
+        bent = first((bends > _BENT * extents) & (length > slight) & (sizes > 3))
+    if bent is not None:
+        raise FormatError(f"{where(bent)}a polygon that is far from flat: export triangles instead")
+    cut = triangles.copy()
     for polygon in np.unique(owner[turns < 0.0]).tolist():
         own = slice(starts[polygon], starts[polygon] + sizes[polygon] - 2)
-        ring = corners[begins[polygon] : begins[polygon] + sizes[polygon]]
-        points, normal = vertices[ring], whole[polygon]
-        length = float(np.linalg.norm(normal))
-        points = points - points[0]
-        size = float(np.abs(points).max())
-        found = None
-        if float(np.abs(points @ normal).max()) <= _FLAT * size * length:
-            axis = int(np.abs(normal).argmax())
-            flat = np.roll(points, -axis - 1, axis=1)[:, :2]
-            found = _ears(flat if normal[axis] > 0.0 else flat[:, ::-1])
-        # A fold that is no wider than coordinates are rounded is none that anybody meant.
-        aside = _ROUNDING * float(np.abs(vertices[ring]).max()) * size * length
+        around = slice(begins[polygon], begins[polygon] + sizes[polygon])
+        ring, normal = corners[around], units[polygon]
+        flat = points[around] - heights[around, None] * normal
+        axis = int(np.abs(normal).argmax())
+        flat = np.roll(flat, -axis - 1, axis=1)[:, :2]
+        found = _ears(flat if normal[axis] > 0.0 else flat[:, ::-1])
         if found is not None:
             cut[own] = ring[found]
-        elif turns[own].min() < -aside:
+        elif turns[own].min() < -slight[polygon] * length[polygon]:
             raise FormatError(
-                f"{where(polygon)}a concave polygon that is not flat or crosses itself: "
-                "export triangles instead"
+                f"{where(polygon)}a polygon that crosses itself: export triangles instead"
             )
     return cut
+
+
+def _spread(values: Reals, begins: Ints) -> Reals:
+    """How far the values of each polygon are apart."""
+    return np.maximum.reduceat(values, begins) - np.minimum.reduceat(values, begins)
 
 
 def _ears(points: Reals) -> Ints | None:
     """A polygon (n, 2) that turns left, as triangles (n - 2, 3); None: it crosses itself.
 
     Corners on a straight line make triangles without area, so that its neighbours still meet it.
+    They are cut off when no other may.
     """
-    left, found = list(range(len(points))), []
-    while len(left) > 3:
-        at = _ear(points, left)
-        if at is None:
-            return None
-        found.append((left[at - 1], left[at], left[(at + 1) % len(left)]))
-        del left[at]
-    return np.array([*found, left]) if _area(*points[left]) >= 0.0 else None
+    n, at = len(points), 0
+    before, after = list(range(-1, n - 1)), [*range(1, n), 0]
+    before[0] = n - 1
+    place: list[_Point] = [(x, y) for x, y in points.tolist()]
+    areas = [_area(place[before[i]], place[i], place[after[i]]) for i in range(n)]
+    inward = np.array(areas) <= 0.0  # where others may lie in the triangle of an ear
+    found, passed, straight = [], 0, None
+    while len(found) < n - 3:
+        a, b, c = place[before[at]], place[at], place[after[at]]
+        if areas[at] > 0.0 and not _any_within(points[inward], a, b, c):
+            cut = at
+        else:
+            if areas[at] == 0.0 and _dot(a, b, c) <= 0.0:
+                straight = at
+            at, passed = after[at], passed + 1
+            if passed < n - len(found):
+                continue
+            if straight is None:
+                return None
+            cut = straight
+        last, following = before[cut], after[cut]
+        found.append((last, cut, following))
+        inward[cut], after[last], before[following] = False, following, last
+        for i in (last, following):
+            areas[i] = _area(place[before[i]], place[i], place[after[i]])
+            inward[i] = areas[i] <= 0.0
+        at, passed, straight = last, 0, None
+    left = (before[at], at, after[at])
+    return np.array([*found, left]) if _area(*(place[i] for i in left)) >= 0.0 else None
 
 
-def _ear(points: Reals, left: list[int]) -> int | None:
-    """Where a corner may be cut off; one on a straight line if no other may."""
-    straight = None
-    for at, corner in enumerate(left):
-        a, b, c = points[left[at - 1]], points[corner], points[left[(at + 1) % len(left)]]
-        area = _area(a, b, c)
-        if area == 0.0 and (a - b) @ (c - b) <= 0.0:
-            straight = at
-        if area <= 0.0:
-            continue
-        others = points[left]
-        sides = [_area(p, q, others) for p, q in ((a, b), (b, c), (c, a))]
-        own = [(others == each).all(axis=1) for each in (a, b, c)]
-        if not (np.all(np.array(sides) >= 0.0, axis=0) & ~np.any(own, axis=0)).any():
-            return at
-    return straight
+def _any_within(others: Reals, *corners: _Point) -> bool:
+    """Whether any of the points (n, 2) lies in a triangle and at none of its corners."""
+    x, y = others.T
+    within = np.ones(len(others), np.bool_)
+    for (px, py), (qx, qy) in zip(corners, corners[1:] + corners[:1], strict=True):
+        within &= (qx - px) * (y - py) - (qy - py) * (x - px) >= 0.0
+        within &= (x != px) | (y != py)
+    return bool(within.any())
 
 
-def _area(a: Reals, b: Reals, c: Reals) -> Reals:
-    """Twice the area of a triangle, below 0 where it turns right; of several c (n, 2): each."""
-    return (b[0] - a[0]) * (c[..., 1] - a[1]) - (b[1] - a[1]) * (c[..., 0] - a[0])
+def _area(a: _Point, b: _Point, c: _Point) -> float:
+    """Twice the area of a triangle, below 0 where it turns right."""
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+
+
+def _dot(a: _Point, b: _Point, c: _Point) -> float:
+    """Below 0 where b lies between a and c."""
+    return (a[0] - b[0]) * (c[0] - b[0]) + (a[1] - b[1]) * (c[1] - b[1])
