@@ -79,7 +79,10 @@ DAMAGED = {
     "a unit": ((r"UNIT_ASSIGNED_CONTEXT\(\(#", "UNIT_ASSIGNED_CONTEXT((#99"), "is missing"),
     "a loop": ((r"FACE_BOUND\('',#", "FACE_BOUND('',#99"), "is missing"),
     "no unit": ((r"UNIT_ASSIGNED_CONTEXT\(\(#\d+,", "UNIT_ASSIGNED_CONTEXT(("), "no units of len"),
-    "no angle": ((r"(UNIT_ASSIGNED_CONTEXT\(\(#\d+),#\d+", r"\1"), "no units of angle"),
+    "no angle": (
+        (r"(ADVANCED_BREP[\s\S]*?UNIT_ASSIGNED_CONTEXT\(\(#\d+),#\d+", r"\1"),
+        "no units of angle",
+    ),
     "twice": ((r"#2 = ", "#1 = "), "#1 stands for two statements"),
     "parameters": ((r"(#\d+) = PLANE\('',", r"\1 = PLANE("), r"#\d+: .*: it is damaged"),
     "another type": (
@@ -131,6 +134,66 @@ def test_parts_in_other_files_are_refused(tmp_path, text):
     anchors = "REFERENCE;\n#9000=<wheel.stp#1>;\nENDSEC;\nDATA;"
     with pytest.raises(engine.ModelError, match="other files: save it as one file"):
         load(tmp_path, text.replace("DATA;", anchors, 1))
+
+
+HARMLESS = {
+    "a document's number": "#9000 = DOCUMENT_FILE('DOC-00123','',$,#9001,'',$);\n"
+    "#9001 = DOCUMENT_TYPE('');\n",
+    "a standard": "#9000 = DOCUMENT_FILE('MIL-STD-171','finish',$,#9001,'',$);\n"
+    "#9001 = DOCUMENT_TYPE('specification');\n",
+    "its own name": "#9000 = DOCUMENT_FILE('C:\\\\parts\\\\A.step','',$,#9001,'',$);\n"
+    "#9001 = DOCUMENT_TYPE('');\n",
+    "a property": "#9000 = PROPERTY_DEFINITION('pmi','',#9999);\n",
+}
+
+
+@pytest.mark.parametrize("name", HARMLESS)
+def test_what_belongs_to_no_shape_is_not_checked(tmp_path, text, name):
+    assert len(load(tmp_path, added(text, HARMLESS[name])).nets) == 15
+
+
+def test_a_plane_beside_a_solid_is_left_out(tmp_path, text):
+    beside = (r"(ADVANCED_BREP_SHAPE_REPRESENTATION\('',\()(#\d+)", r"\1\2,#9000")
+    where = re.search(beside[0], text)[2]
+    changed_text = added(changed(text, beside), f"#9000 = PLANE('',{where});\n")
+    assert len(load(tmp_path, changed_text).nets) == 15
+
+
+def test_only_what_bounds_something_needs_units(tmp_path, text):
+    length = re.search(r"UNIT_ASSIGNED_CONTEXT\(\((#\d+)", text)[1]
+    solid, place = re.search(
+        r"(#\d+) = ADVANCED_BREP_SHAPE_REPRESENTATION\('',\((#\d+)", text
+    ).groups()
+    wires = (
+        f"#9000 = GEOMETRICALLY_BOUNDED_WIREFRAME_SHAPE_REPRESENTATION('',({place}),#9001);\n"
+        "#9001 = ( GEOMETRIC_REPRESENTATION_CONTEXT(3) "
+        f"GLOBAL_UNIT_ASSIGNED_CONTEXT(({length})) REPRESENTATION_CONTEXT('','') );\n"
+        f"#9002 = SHAPE_REPRESENTATION_RELATIONSHIP('','',{solid},#9000);\n"
+    )
+    assert len(load(tmp_path, added(text, wires)).nets) == 15
+
+
+def test_the_same_unit_may_be_stated_twice(tmp_path, text):
+    again = "#9000 = ( LENGTH_UNIT() NAMED_UNIT(*) SI_UNIT(.MILLI.,.METRE.) );\n"
+    two = (r"UNIT_ASSIGNED_CONTEXT\(\(#", "UNIT_ASSIGNED_CONTEXT((#9000,#")
+    assert np.ptp(load(tmp_path, added(changed(text, two), again)).control_points[:, 0]) == (
+        pytest.approx(0.21)
+    )
+
+
+def test_a_bare_surface_is_named(tmp_path, text):
+    surface = (
+        "#9000 = GEOMETRIC_SET('',(#9001));\n"
+        "#9001 = B_SPLINE_SURFACE_WITH_KNOTS('',1,1,((#9005,#9006),(#9007,#9008)),.UNSPECIFIED.,"
+        ".F.,.F.,.F.,(2,2),(2,2),(0.,1.),(0.,1.),.UNSPECIFIED.);\n"
+        + "".join(
+            f"#{9005 + i} = CARTESIAN_POINT('',({10 * (i // 2)}.,{10 * (i % 2)}.,0.));\n"
+            for i in range(4)
+        )
+    )
+    beside = (r"(ADVANCED_BREP_SHAPE_REPRESENTATION\('',\(#\d+)", r"\1,#9000")
+    with pytest.raises(engine.ModelError, match=r"GEOMETRIC_SET \(#9000\) has no faces with edges"):
+        load(tmp_path, added(changed(text, beside), surface))
 
 
 def test_a_mirrored_part_is_refused(tmp_path, text):

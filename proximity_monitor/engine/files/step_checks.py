@@ -23,9 +23,11 @@ _WITH_FACES = {
 _WITHOUT_SURFACE = re.compile(
     r"(.*_)?(PLACEMENT(_[23]D)?|POINT|DIRECTION|VECTOR|VERTEX|EDGE|CURVE|CURVE_SET|LINE|POLYLINE|"
     r"CIRCLE|ELLIPSE|PARABOLA|HYPERBOLA|WIREFRAME_MODEL|PATH|LOOP|CURVE_WITH_KNOTS|"
+    r"PLANE|CYLINDRICAL_SURFACE|CONICAL_SURFACE|"
     r"(MEASURE|VALUE|DESCRIPTIVE|INTEGER|REAL)_REPRESENTATION_ITEM)"
 )
-"""Items that bound nothing: curves and points are left out, as of every format."""
+"""Items that bound nothing: curves and points, which are left out as of every format, and surfaces
+without an end, which are for construction."""
 _ROOTS = (
     "SHAPE_DEFINITION_REPRESENTATION", "CONTEXT_DEPENDENT_SHAPE_REPRESENTATION",
     "SHAPE_REPRESENTATION_RELATIONSHIP", "NEXT_ASSEMBLY_USAGE_OCCURRENCE",
@@ -178,24 +180,35 @@ class StepChecks:
             if not (types & _WITH_FACES or self._bounds_nothing(item) or double):
                 kind = self._text.body(item).split("(")[0].strip() or sorted(types)[0]
                 raise FormatError(
-                    f"part {self._called(part)!r}: {kind} (#{item}) has no faces that are read: "
-                    "save it as B-rep (surfaces with edges)"
+                    f"part {self._called(part)!r}: {kind} (#{item}) has no faces with edges, "
+                    "which alone are read: save it as B-rep"
                 )
 
     def _check_units(self, representation: int) -> None:
+        items = self._items(representation)
+        bounds = any(not self._bounds_nothing(item) for item in items)
         contexts = [
             each
             for each in self._text.named(representation)
             if any(name.endswith("REPRESENTATION_CONTEXT") for name in self._text.types(each))
         ]
         units = {unit for each in contexts for unit in self._text.named(each)}
-        for kind, what in (("LENGTH_UNIT", "length"), ("PLANE_ANGLE_UNIT", "angle")):
-            count = sum(kind in self._text.types(unit) for unit in units)
-            if count != 1:
+        for kind, what, needed in (
+            ("LENGTH_UNIT", "length", bounds or not self._between.isdisjoint(items)),
+            ("PLANE_ANGLE_UNIT", "angle", bounds),
+        ):
+            own = {self._text.value(unit) for unit in units if kind in self._text.types(unit)}
+            if needed and len(own) != 1:
                 raise FormatError(
-                    f"representation #{representation} has {count or 'no'} units of {what}, "
+                    f"representation #{representation} has {len(own) or 'no'} units of {what}, "
                     "not one: save it anew with a unit"
                 )
+
+    @cached_property
+    def _between(self) -> set[int]:
+        """The placements between which parts are moved."""
+        moves = self._text.of("ITEM_DEFINED_TRANSFORMATION", _OPERATOR)
+        return {each for move in moves for each in self._text.named(move)}
 
     def _check_operator(self, operator: int) -> None:
         """Refuse what OpenCASCADE would take for a rotation."""

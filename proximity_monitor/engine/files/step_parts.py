@@ -46,6 +46,7 @@ Colour = tuple[float, float, float, float]
 
 _GIVEN_BY_NOBODY = re.compile(r"(NAUO ?\d*|=>\[[\d:]*\]||NONE|COMPOUND|SOLID)", re.IGNORECASE)
 """Names that programs give to what has none."""
+_NAMED = re.compile(r"Ent\.Id\.#(\d+)")
 _SETTINGS = {
     "xstep.cascade.unit": "MM",
     "read.precision.mode": "File",
@@ -100,7 +101,7 @@ def read_parts(file: Path) -> list[Part]:
         FormatError: not readable, damaged, not all of it is read, no faces, a face that cannot be
             honoured.
     """
-    checks = StepChecks(StepText(file.read_bytes()))
+    checks = StepChecks(StepText(file.read_bytes(), file.name))
     with _settings():
         return _transferred(file, checks)
 
@@ -155,10 +156,13 @@ def _check_loaded(reader: Any, checks: StepChecks) -> None:
     failed.Start()
     while failed.More():
         check = failed.Value()
-        if check.HasFailed():
-            number = checks.statement(failed.Number())
+        for i in range(1, check.NbFails() + 1):
+            why, number = check.CFail(i), checks.statement(failed.Number())
+            if number is None:  # what is wrong with the file as a whole may name a statement
+                named = _NAMED.search(why)
+                number = int(named[1]) if named else None
             if number is None or number in checks.relevant:
-                raise FormatError(f"#{number or '?'}: {check.CFail(1)}: it is damaged")
+                raise FormatError(f"#{number or '?'}: {why}: it is damaged")
         failed.Next()
 
 

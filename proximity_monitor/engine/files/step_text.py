@@ -14,19 +14,25 @@ _STATEMENT = re.compile(rb"#(\d+)\s*=\s*([^;]*);")
 _NUMBER = re.compile(rb"#(\d+)")
 _TYPE = re.compile(rb"([A-Z][A-Z0-9_]*)\s*\(")
 _STRING = re.compile(rb"'(\d+)'")
-_SHAPES = re.compile(r"\.(stp|step|stpz|stpx|p21|ifc|igs|iges)\Z|\A[^.]*\Z", re.IGNORECASE)
-"""Names of files that may hold a part; others, as drawings and notes, belong to it."""
+_SHAPES = re.compile(r"\.(stp|step|stpz|stpx|p21|ifc|igs|iges)\Z", re.IGNORECASE)
+"""Names of files that hold parts; others, as drawings, notes and standards, belong to one."""
+_OWN_NAME = re.compile(rb"\bFILE_NAME\s*\(\s*'(\d+)'")
+_FOLDERS = re.compile(r".*[/\\]")
 _ELSEWHERE = re.compile(rb"\bREFERENCE\s*;")
 
 
 class StepText:
     """The statements of a file by their number.
 
+    Args:
+        data: its bytes.
+        name: its name; a file may refer to itself.
+
     Raises:
-        FormatError: a number that stands for two statements or for none; parts in other files.
+        FormatError: a number that stands for two statements; parts in other files.
     """
 
-    def __init__(self, data: bytes) -> None:
+    def __init__(self, data: bytes, name: str = "") -> None:
         self._strings: list[bytes] = []
         text = _ASIDE.sub(self._kept, data).upper()
         if _ELSEWHERE.search(text):
@@ -36,15 +42,13 @@ class StepText:
             if int(number) in self._bodies:
                 raise FormatError(f"#{int(number)} stands for two statements: it is damaged")
             self._bodies[int(number)] = body
-        for number, body in self._bodies.items():
-            for named in map(int, _NUMBER.findall(body)):
-                if named not in self._bodies:
-                    raise FormatError(f"#{number} names #{named}, which is missing: it is damaged")
+        header = _OWN_NAME.search(text)
+        own = {_bare(name), _bare(self._string(header[1]) if header else name)}
         for number in self.of("DOCUMENT_FILE"):
-            name = self.string(number)
-            if _SHAPES.search(name):
+            other = self.string(number)
+            if _SHAPES.search(other) and _bare(other) not in own:
                 raise FormatError(
-                    f"refers to another file, {name!r}, which is not read: "
+                    f"refers to another file, {other!r}, which is not read: "
                     "save the assembly as one file"
                 )
 
@@ -74,8 +78,16 @@ class StepText:
     def string(self, number: int, which: int = 0) -> str:
         """A string of a statement; empty: it has none."""
         found = _STRING.findall(self._bodies[number])
-        text = self._strings[int(found[which])] if which < len(found) else b""
-        return text.decode("utf-8", "replace").replace("''", "'")
+        return self._string(found[which]) if which < len(found) else ""
+
+    def _string(self, which: bytes) -> str:
+        return self._strings[int(which)].decode("utf-8", "replace").replace("''", "'")
+
+    def value(self, number: int) -> str:
+        """A statement with its strings and, in place of their numbers, all that it names."""
+        body = "".join(self.body(number).split())
+        body = re.sub(r"'(\d+)'", lambda found: repr(self._string(found[1].encode())), body)
+        return re.sub(r"#(\d+)", lambda found: f"({self.value(int(found[1]))})", body)
 
     @cached_property
     def _by_type(self) -> dict[str, list[int]]:
@@ -90,11 +102,25 @@ class StepText:
         return list(dict.fromkeys(n for each in types for n in self._by_type.get(each, ())))
 
     def below(self, numbers: Iterable[int]) -> set[int]:
-        """Statements, and all that they name in turn."""
+        """Statements, and all that they name in turn.
+
+        Raises:
+            FormatError: a number that stands for none.
+        """
         found, left = set(), list(numbers)
         while left:
             number = left.pop()
             if number not in found:
                 found.add(number)
-                left += self.named(number)
+                for named in self.named(number):
+                    if named not in self._bodies:
+                        raise FormatError(
+                            f"#{number} names #{named}, which is missing: it is damaged"
+                        )
+                    left.append(named)
         return found
+
+
+def _bare(name: str) -> str:
+    """A file's name without its folders, in small letters."""
+    return _FOLDERS.sub("", name).lower()
