@@ -9,6 +9,7 @@ The format is in metres and radians (http://wiki.ros.org/urdf/XML).
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -225,10 +226,11 @@ class _Reader:
             return xyz, self._vector(found, "rpy", here, zero)
         if found.get("rpy") is not None:
             self._fail(here, "needs only one of rpy, quat_xyzw")
-        try:
-            turn = pose_matrix(xyz, self._numbers(found, "quat_xyzw", here, 4, None))
-        except ValueError as error:
-            self._fail(here, f"quat_xyzw {error}")
+        quaternion = self._numbers(found, "quat_xyzw", here, 4, None)
+        length = math.hypot(*quaternion)
+        if length < sys.float_info.min:
+            self._fail(here, "quat_xyzw must not be 0")
+        turn = pose_matrix(xyz, [part / length for part in quaternion])  # as urdfdom does
         return xyz, matrix_rpy(turn[:3, :3])
 
     def _child(self, element: Element, tag: str, at: str) -> Element:

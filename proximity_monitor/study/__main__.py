@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import shlex
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from ..ending import checked_output
@@ -133,6 +133,8 @@ def _accuracy(chosen: argparse.Namespace, command: str) -> int:
             raise  # our own fault, which no installation mends
         print(_INSTALL.format(name=error.name), file=sys.stderr)
         return 1
+    if chosen.render_only:
+        return _rendered(chosen.out, lambda: render(chosen.out, run.PARTS))
     try:
         makers = run.scenes(chosen.data)
         plan = run.plan(makers, chosen.part, chosen.scene)
@@ -144,20 +146,27 @@ def _accuracy(chosen: argparse.Namespace, command: str) -> int:
         return 2
     try:
         chosen.out.mkdir(parents=True, exist_ok=True)
-        if chosen.render_only:
-            if not any((chosen.out / "accuracy").glob("*.csv")):
-                print(
-                    f"--render-only: no data in {chosen.out / 'accuracy'}; measure first, or name "
-                    "the folder that was measured into by --out",
-                    file=sys.stderr,
-                )
-                return 1
-            print(f"Wrote {render(chosen.out, run.PARTS)} and its figures.")
-            return 0
         return run.run(plan, makers, chosen.out, chosen.quick, command)
     except OSError as error:
         print(f"--out {chosen.out}: {error}", file=sys.stderr)
         return 2
+
+
+def _rendered(out: Path, render: Callable[[], Path]) -> int:
+    """Write page and figures again; that needs what was measured, and no scenes."""
+    if not any((out / "accuracy").glob("*.csv")):
+        print(
+            f"--render-only: no data in {out / 'accuracy'}; measure first, or name the folder that "
+            "was measured into by --out",
+            file=sys.stderr,
+        )
+        return 1
+    try:
+        print(f"Wrote {render()} and its figures.")
+    except OSError as error:
+        print(f"--out {out}: {error}", file=sys.stderr)
+        return 2
+    return 0
 
 
 if __name__ == "__main__":

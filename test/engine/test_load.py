@@ -205,6 +205,10 @@ def test_a_comment_does_not_go_on_in_the_next_line(load):
     assert mesh.faces.tolist() == [[0, 1, 2], [2, 1, 0]]
 
 
+def test_lines_that_only_go_on_are_none(load):
+    assert load("part.obj", OBJ + "\\\n\\\nf 1 2 3\n").faces.tolist() == [[0, 1, 2]]
+
+
 def test_a_face_may_stand_before_its_vertices(load):
     assert load("part.obj", "f 1 2 3\n" + OBJ).faces.tolist() == [[0, 1, 2]]
 
@@ -266,6 +270,15 @@ def test_ply_of_other_line_ends_and_with_more_properties(load):
     text = PLY.replace("z\n", "z\nproperty uchar red\nproperty float s\nproperty float t\n")
     text = text.replace(" 0\n", " 0 255 0.5 0.5\n").replace("vertex_indices", "vertex_index")
     assert load("part.ply", text.replace("\n", "\r\n")).faces.tolist() == [[0, 1, 2], [1, 3, 2]]
+
+
+def test_data_behind_a_header_of_bare_returns_may_begin_with_any_byte(load):
+    head, _, _ = PLY.replace("ascii", "binary_little_endian").partition("0 0 0\n")
+    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]], "<f4")
+    points[0, 0] = np.frombuffer(b"\n\0\x80\x3f", "<f4")[0]
+    faces = b"\x03" + np.arange(3, dtype="<i4").tobytes()
+    data = head.replace("\n", "\r").encode() + points.tobytes() + 2 * faces
+    assert load("part.ply", data).vertices[0, 0] == points[0, 0]
 
 
 @pytest.mark.parametrize("head, width", [("OFF", 3), ("NOFF", 6), ("COFF", 7), ("STCNOFF", 12)])

@@ -57,7 +57,7 @@ BAD = {
     "cut": ("a.stl", VALID["binary.stl"][:-1], "12 triangles has 684 bytes, this file 683"),
     "header": ("a.stl", VALID["binary.stl"][:84], "12 triangles has 684 bytes, this file 84"),
     "half a header": ("a.stl", VALID["binary.stl"][:50], "50 bytes are less than the header"),
-    "too few": ("a.stl", VALID["binary.stl"] + b"x" * 100, "12 triangles .* 2 more have"),
+    "too few": ("a.stl", VALID["binary.stl"] + b"\1" * 100, "12 triangles .* 2 more have"),
     "no triangles": ("a.stl", binary_stl(np.empty((0, 3, 3))), "no triangles"),
     "nan": ("a.stl", facets(NAN), r"vertices\[5\] = \[nan, 0.0, 0.0\]: .*finite \(1 such"),
     "inf": ("a.stl", facets(-INF), r"vertices\[5\] = \[-inf"),

@@ -189,6 +189,13 @@ def test_the_unit_and_the_nodes_count_but_not_the_up_axis(load):
     np.testing.assert_allclose(corners(mesh), expected, atol=1e-17)
 
 
+@pytest.mark.parametrize("unit", ["<unit>mm</unit>", '<unit meter="0.0254"/>'])
+def test_a_unit_of_another_program_does_not_count(load, unit):
+    extra = f'<extra><technique profile="X">{unit}</technique></extra></COLLADA>'
+    expected = load("base.dae", DAE).vertices
+    assert np.array_equal(load("base.dae", DAE.replace("</COLLADA>", extra)).vertices, expected)
+
+
 LIST = DAE[DAE.index('<polylist count="2">') : DAE.index("</mesh>")]
 INPUTS = (
     '<input semantic="NORMAL" source="#n" offset="0"/>'

@@ -162,6 +162,7 @@ def test_more_of_an_stl_than_is_announced_is_refused(tmp_path):
         file.write_bytes(data + rest)
         with pytest.raises(engine.ModelError, match=r"1 triangles are announced, .* \d more"):
             engine.load(file)
-    for rest in (more[:49], bytes(120)):
+    text = "Schöne Grüße vom Programm, das diese Datei geschrieben hat\r\n".encode()
+    for rest in (more[:49], bytes(120), text * 2, text + bytes(60)):
         file.write_bytes(data + rest)
         assert len(engine.load(file).faces) == 1

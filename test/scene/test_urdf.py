@@ -103,12 +103,15 @@ def test_an_origin_turns_about_fixed_x_then_y_then_z(read):
         "0 0.70710678118654757 0 0.70710678118654757",
         "0.5 0.5 -0.5 0.5",
         "0 0 1 0",
+        "0 0 0.71 0.71",  # parsers of robots normalise it
+        "0 0 1 -1",
     ],
 )
 def test_an_origin_may_turn_by_a_quaternion(read, quaternion):
     text = ROBOT.replace('rpy="0.4 0.5 0.6"', f'quat_xyzw="{quaternion}"')
     origin = read(text.replace("<robot ", '<robot version="1.1" ')).kinematics.free[0].origin
-    expected = pose_matrix((0.1, 0.2, 0.3), [float(each) for each in quaternion.split()])
+    parts = np.array([float(each) for each in quaternion.split()])
+    expected = pose_matrix((0.1, 0.2, 0.3), parts / np.linalg.norm(parts))
     np.testing.assert_allclose(origin, expected, atol=1e-15)
 
 
@@ -148,8 +151,8 @@ BROKEN = {
         'rpy="0.4 0.5 0.6"', 'rpy="0 0 1" quat_xyzw="0 0 0 1"',
         "joint 'raise', <origin>: needs only one of rpy, quat_xyzw",
     ),
-    "no unit quaternion": (
-        'rpy="0.4 0.5 0.6"', 'quat_xyzw="0 0 1 1"', "<origin>: quat_xyzw must have length 1",
+    "no quaternion": (
+        'rpy="0.4 0.5 0.6"', 'quat_xyzw="0 0 0 0"', "<origin>: quat_xyzw must not be 0",
     ),
     "an unknown attribute": (
         'rpy="0 0 1.5"', 'rpz="0 0 1.5"',

@@ -206,10 +206,19 @@ def test_what_memory_saves_is_told_of_a_path_alone():
     assert findings({"orders": random}) == ""
 
 
-def test_nothing_can_be_rendered_from_nothing(tmp_path, monkeypatch, capsys):
+@pytest.mark.parametrize("more", [[], ["--data", "nosuch"]], ids=["", "no recorded data"])
+def test_nothing_can_be_rendered_from_nothing(more, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    assert command_line.main(["accuracy", "--render-only"]) == 1
+    assert command_line.main(["accuracy", "--render-only", *more]) == 1
     assert "build/accuracy" in capsys.readouterr().err
+
+
+def test_a_page_is_rendered_without_the_recorded_data(tmp_path, monkeypatch):
+    monkeypatch.setattr("proximity_monitor.study.accuracy.page.render", lambda out, parts: out)
+    (tmp_path / "accuracy").mkdir()
+    (tmp_path / "accuracy" / "runs.csv").touch()
+    arguments = ["accuracy", "--render-only", "--data", "nosuch", "--out", str(tmp_path)]
+    assert command_line.main(arguments) == 0
 
 
 def test_the_help_knows_every_part(capsys):

@@ -7,6 +7,7 @@ written for these. Materials are not looked at; what they refer to is often miss
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,7 @@ from .triangles import (
     Parts,
     Reals,
     Triangles,
+    Where,
     check_finite,
     fans,
     spans,
@@ -27,6 +29,14 @@ from .triangles import (
 from .xml import Element, need, parsed, real_list, whole_list
 
 _CURVES = ("lines", "linestrips")
+_CUTTERS: dict[str, Callable[[Reals, Ints, Ints, Where], Ints]] = {
+    "triangles": cut_polygons,
+    "polylist": cut_polygons,
+    "polygons": cut_polygons,
+    "tristrips": lambda points, corners, sizes, where: strips(corners, sizes, len(points), where),
+    "trifans": lambda points, corners, sizes, where: fans(corners, sizes, len(points), where),
+}
+"""How the corners of each primitive become triangles."""
 _INSTANCES = ("instance_geometry", "instance_node", "instance_controller")
 
 
@@ -50,7 +60,10 @@ class _Document:
         unit = 1.0 if stated is None else real_list(stated.get("meter", "1"), "<unit meter>", 1)[0]
         if not 0.0 < unit < math.inf:
             raise FormatError(f"<unit meter> is {unit:g}, which is no length")
+        foreign = {*self._root.findall(".//extra//unit")}
         for nested in self._root.iter("unit"):
+            if nested in foreign:
+                continue
             other = real_list(nested.get("meter", "1"), "<unit meter>", 1)[0]
             if other != unit:
                 raise FormatError(f"has units of {unit:g} m and of {other:g} m: use one unit")
@@ -160,7 +173,7 @@ def _geometry(geometry: Element) -> list[Part]:
             sizes = np.full(-(-len(corners) // 3), 3)
         elif kind == "polylist":
             sizes = whole_list(element.findtext("vcount"), f"{name}: <vcount>")
-        elif kind not in ("polygons", "tristrips", "trifans"):
+        elif kind not in _CUTTERS:
             raise FormatError(f"{name} has <{kind}>, which is not read")
         if sizes.sum() != len(corners) or (sizes < 0).any():
             raise FormatError(f"{name}: <{kind}> has {len(corners)} corners, not {sizes.sum()}")
@@ -169,12 +182,7 @@ def _geometry(geometry: Element) -> list[Part]:
         def where(i: int, kind: str = kind) -> str:
             return f"{name}: <{kind}>[{i}]: "
 
-        if kind in ("tristrips", "trifans"):
-            cut = strips if kind == "tristrips" else fans
-            faces = cut(corners, sizes, len(vertices), where)
-        else:
-            faces = cut_polygons(vertices, corners, sizes, where)
-        found.append((vertices, faces))
+        found.append((vertices, _CUTTERS[kind](vertices, corners, sizes, where)))
     return found
 
 

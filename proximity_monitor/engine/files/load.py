@@ -67,10 +67,7 @@ def load(
             raise ValueError(f"{key} = {value!r}: must be finite and above 0")
     file = Path(path)
     kind = file.suffix.lower()
-    try:
-        data, read = _contents(file, kind)
-    except FormatError as error:
-        raise ModelError(f"{file}: {error}") from None
+    data, read = _contents(file, kind)
     try:
         if part is not None and kind not in ASSEMBLIES:
             raise ModelError(f"part = {part!r}: {kind} files have no parts")
@@ -103,10 +100,7 @@ def load_placements(path: str | PathLike[str], *, scale: float = 1.0) -> list[Pl
     file = Path(path)
     if file.suffix.lower() not in ASSEMBLIES:
         return []
-    try:
-        data, _ = _contents(file, file.suffix.lower())
-    except FormatError as error:
-        raise ModelError(f"{file}: {error}") from None
+    data, _ = _contents(file, file.suffix.lower())
     try:
         return step_placements(data, file, scale)
     except Exception as error:
@@ -136,7 +130,9 @@ def _contents(file: Path, kind: str) -> tuple[bytes, Reader]:
         data = file.read_bytes()
     except FileNotFoundError:
         raise FileNotFoundError(f"{file}: there is no such file") from None
-    except (IsADirectoryError, ModelError, FormatError):
+    except FormatError as error:
+        raise ModelError(f"{file}: {error}") from None
+    except (IsADirectoryError, ModelError):
         raise
     except (OSError, ValueError) as error:
         raise ModelError(f"{file}: cannot be read: {error}") from error

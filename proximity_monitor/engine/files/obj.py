@@ -33,7 +33,7 @@ def read_obj(data: bytes, _: Path) -> Triangles:
     begun = b""
     for number, line in enumerate(without_mark(data).splitlines(), 1):
         if line.endswith(b"\\") and b"#" not in line:  # goes on in the next line
-            if (begun or line).split(None, 1)[0] in _NAMES:
+            if (begun + line).split(None, 1)[0] in _NAMES:
                 raise FormatError(f"line {number}: a name that ends with \\: is it a part of it?")
             begun += line[:-1] + b" "
             continue

@@ -55,15 +55,16 @@ def read_ply(data: bytes, _: Path) -> Triangles:
     if not re.match(rb"ply\s", data) or end is None:
         raise FormatError("no header from 'ply' to 'end_header'")
     order, elements = _header(data[: end.start()])
-    body = data[end.end() :]
+    # Where lines end with \r alone, a \n behind the last one is the first byte of the data.
+    body = data[end.end() if b"\n" in data[: end.start() + 1] else end.start(1) + 1 :]
     found = _binary(body, elements, order) if order else _ascii(body, elements)
     vertex = found.get("vertex", {})
     if not all(axis in vertex for axis in "xyz"):
         raise FormatError("the vertices have no x, y and z")
-    for element in elements:
-        for prop in element.properties:
-            if element.name == "vertex" and prop.name in ("x", "y", "z") and prop.length:
-                raise FormatError(f"the vertices have a list for {prop.name}, not a number")
+    properties = {element.name: element.properties for element in elements}["vertex"]
+    lists = [prop.name for prop in properties if prop.name in ("x", "y", "z") and prop.length]
+    if lists:
+        raise FormatError(f"the vertices have a list for {lists[0]}, not a number")
     vertices = np.column_stack([vertex[axis].values for axis in "xyz"]).astype(np.float64)
     faces = [no_triangles()]
     for element in elements:

@@ -31,7 +31,11 @@ _LINE_END = re.compile(rb"[\r\n]|\Z")
 
 
 def read_stl(data: bytes, _: Path) -> Triangles:
-    """Read an STL file; the vertices that it repeats for each triangle are merged where equal."""
+    """Read an STL file; the vertices that it repeats for each triangle are merged where equal.
+
+    Behind the triangles of a binary one may be text, zeros, or less than one triangle has. More of
+    other bytes shows that there are more triangles than announced, and is refused.
+    """
     text = without_mark(data)
     count = int.from_bytes(data[80:84], "little")
     size = 84 + 50 * count
@@ -44,12 +48,20 @@ def read_stl(data: bytes, _: Path) -> Triangles:
             f"a binary STL of {count} triangles has {size} bytes, this file {len(data)}"
         )
     rest = len(data) - size
-    if rest >= 50 and any(data[size:]):
+    if rest >= 50 and not _is_text(data[size:].strip(b"\0")):
         raise FormatError(
             f"{count} triangles are announced, but as many bytes follow as {rest // 50} more have"
         )
     facets = np.frombuffer(data, dtype=_BINARY, count=count, offset=84)
     return _merged(facets["corners"].reshape(-1, 3).astype(np.float64))
+
+
+def _is_text(data: bytes) -> bool:
+    try:
+        text = data.decode()
+    except UnicodeDecodeError:
+        return False
+    return all(each.isprintable() or each.isspace() for each in text)
 
 
 def _ascii(text: bytes) -> Reals:
