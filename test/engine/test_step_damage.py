@@ -123,6 +123,13 @@ def test_two_units_of_length_are_refused(tmp_path, text):
         load(tmp_path, added(changed(text, two), metre))
 
 
+def test_a_unit_that_names_itself_is_refused(tmp_path, text):
+    ring = "#9000 = ( CONVERSION_BASED_UNIT('RING',#9000) LENGTH_UNIT() NAMED_UNIT(*) );\n"
+    two = (r"UNIT_ASSIGNED_CONTEXT\(\(#", "UNIT_ASSIGNED_CONTEXT((#9000,#")
+    with pytest.raises(engine.ModelError, match="2 units of length"):
+        load(tmp_path, added(changed(text, two), ring))
+
+
 def test_parts_in_other_files_are_refused(tmp_path, text):
     other = "#9000 = DOCUMENT_FILE('wheel.stp','',$,#9001,'',$);\n#9001 = DOCUMENT_TYPE('');\n"
     with pytest.raises(engine.ModelError, match=r"another file, 'wheel\.stp'.*one file"):

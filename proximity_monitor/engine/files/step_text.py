@@ -83,11 +83,16 @@ class StepText:
     def _string(self, which: bytes) -> str:
         return self._strings[int(which)].decode("utf-8", "replace").replace("''", "'")
 
-    def value(self, number: int) -> str:
-        """A statement with its strings and, in place of their numbers, all that it names."""
+    def value(self, number: int, depth: int = 4) -> str:
+        """A statement with its strings and, in place of their numbers, what it names.
+
+        So deep at most: what is named below stays a number, as where a damaged file goes in rings.
+        """
+        if depth == 0 or number not in self._bodies:
+            return f"#{number}"
         body = "".join(self.body(number).split())
         body = re.sub(r"'(\d+)'", lambda found: repr(self._string(found[1].encode())), body)
-        return re.sub(r"#(\d+)", lambda found: f"({self.value(int(found[1]))})", body)
+        return re.sub(r"#(\d+)", lambda found: f"({self.value(int(found[1]), depth - 1)})", body)
 
     @cached_property
     def _by_type(self) -> dict[str, list[int]]:
