@@ -39,6 +39,7 @@ class Session:
     def __init__(self) -> None:
         """Begin without frames."""
         self._frames: list[Frame] = []
+        self._extra: list[bool] = []  # of each: whether it was kept before it was due
         self._bytes = 0
         self._period_s, self._due_s = PERIOD_S, -np.inf
         # By pair and ignored pairs: stamp, lower and upper bound of each kept frame.
@@ -61,17 +62,19 @@ class Session:
         self.newest = frame
         self._smallest.note(frame)
         late_s = frame.stamp_s - self._due_s
-        if late_s >= -EARLY * self._period_s:
+        due = late_s >= -EARLY * self._period_s
+        if due:
             # It is due again a period after it was, unless ticks are rarer than that.
             begin_s = self._due_s if late_s < self._period_s else frame.stamp_s
             self._due_s = begin_s + self._period_s
         elif not keep:
             return
         self._frames.append(frame)
+        self._extra.append(not due)
         for of, curve in list(self._curves.items()):
             curve.extend((frame.stamp_s, *_bounds(frame.pairs, *of)))
         self._bytes += _size(frame)
-        while self._bytes > BYTES and len(self._frames) > 2:
+        while self._bytes > BYTES and len(self._frames) > 3:
             self._thin()
 
     def ends_with(self, frame: Frame) -> bool:
@@ -84,7 +87,7 @@ class Session:
     def clear(self) -> None:
         """Begin anew."""
         self.number += 1
-        self._frames = []
+        self._frames, self._extra = [], []
         self._bytes, self._period_s, self._due_s = 0, PERIOD_S, -np.inf
         self._curves.clear()
         self.forget_worst()
@@ -172,16 +175,24 @@ class Session:
         return stamps, bounds[:, 0], bounds[:, 1]
 
     def _thin(self) -> None:
-        """Keep each second tick of the whole session, and from now on half as many.
+        """Let each second tick go: of those that came before they were due, or else of the others.
 
-        The first stays, because the times of the session count from it.
+        So ticks that are kept for their own sake take about half of the memory at most, and the
+        others are as rare from now on as those that stay. The first stays, because the times of
+        the session count from it.
         """
-        first, *rest = self._frames
-        self._frames = [first, *rest[-1::-2][::-1]]
+        extra, stays = np.array(self._extra), np.ones(len(self._frames), bool)
+        own, due = np.flatnonzero(extra), np.flatnonzero(~extra)
+        rarer = len(due) > len(own)
+        stays[due[-2:0:-2] if rarer else own[-2::-2]] = False
+        rows = np.flatnonzero(stays)
+        self._frames, self._extra = [self._frames[i] for i in rows], extra[rows].tolist()
         self._bytes = sum(map(_size, self._frames))
-        self._due_s += self._period_s
-        self._period_s *= 2.0
         self._curves.clear()
+        if rarer:
+            stamps_s = [self._frames[i].stamp_s for i in np.flatnonzero(~extra[rows])]
+            self._period_s = max(2.0 * self._period_s, float(np.median(np.diff(stamps_s))))
+            self._due_s = stamps_s[-1] + self._period_s
 
 
 def _bounds(

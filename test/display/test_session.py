@@ -112,3 +112,25 @@ def test_the_whole_session_is_kept_thinner_when_memory_is_full(monkeypatch):
     assert max(np.diff(kept)) < 2.0 * session.thinned_s
     session.clear()
     assert session.thinned_s is None
+
+
+def test_ticks_that_are_kept_for_their_own_sake_leave_room_for_the_others(monkeypatch):
+    monkeypatch.setattr(sessions, "BYTES", 100_000)
+    session = Session()
+    for i in range(2000):  # in five seconds
+        session.add(frame(i / 400.0, [0.2, 0.3]), keep=True)
+    for i in range(100):
+        session.add(frame(6.0 + i, [0.2, 0.3]))
+    stamps = [each.stamp_s for each in session.frames]
+    assert session.thinned_s < 10.0
+    assert stamps[0] == 0.0 and stamps[-1] > 95.0
+    assert max(np.diff(stamps)) < 2.0 * session.thinned_s
+
+
+def test_a_thinned_session_says_how_rare_its_ticks_are_where_few_came(monkeypatch):
+    monkeypatch.setattr(sessions, "BYTES", 100_000)
+    session = Session()
+    for i in range(200):
+        session.add(frame(5.0 * i, [0.2, 0.3]))
+    stamps = [each.stamp_s for each in session.frames]
+    assert session.thinned_s == np.median(np.diff(stamps)) >= 10.0
