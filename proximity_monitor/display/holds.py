@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Hashable, Iterable, Mapping
 
 import numpy as np
 
@@ -23,6 +23,7 @@ class Holds:
         self._poses: dict[str, np.ndarray] = {}
         self._owners: dict[str, Hand] = {}
         self._attached: frozenset[str] = frozenset()
+        self._scene: Hashable = None
         self.on_move: Callable[[], None] = lambda: None
         """Called after a body was moved, in whatever thread."""
 
@@ -36,6 +37,12 @@ class Holds:
         """Return the hand that holds a body."""
         with self._lock:
             return self._owners.get(name)
+
+    def begin(self, scene: Hashable) -> None:
+        """Begin with a scene: all bodies are released, and only hands of this scene take any."""
+        with self._lock:
+            self.release()
+            self._scene = scene
 
     def follow(self, attached: Iterable[str]) -> None:
         """Let bodies that are attached to others go, whoever holds them; no hand may take them."""
@@ -62,6 +69,12 @@ class Hand:
         self._first: dict[str, np.ndarray] = {}
         self._before: list[tuple[str, np.ndarray]] = []
         self._gone = False
+        self._scene = holds._scene
+
+    def begin(self, scene: Hashable) -> None:
+        """Take a scene's bodies from now on, and none while `Holds` has another scene."""
+        with self._lock:
+            self._scene = scene
 
     @property
     def poses(self) -> Mapping[str, np.ndarray]:
@@ -86,10 +99,14 @@ class Hand:
             return bool(self._before)
 
     def may(self, name: str) -> bool:
-        """Return whether it may move a body: no other hand holds it, nor is it attached."""
+        """Return whether it may move a body: no other hand holds it, nor is it attached.
+
+        A hand moves none of another scene than `Holds` has.
+        """
         with self._lock:
+            off = self._gone or self._scene != self._holds._scene
             attached = name in self._holds._attached
-            return not (self._gone or attached or self.other(name) is not None)
+            return not (off or attached or self.other(name) is not None)
 
     def take(self, name: str, now: np.ndarray) -> bool:
         """Begin a step with a body, and hold it where it is; return whether it `may`."""

@@ -123,7 +123,7 @@ class Move:
         """Let gizmo and numbers follow the body."""
         self._scene, self._newest = news.scene, news.frame
         self._advance()
-        name, live = self._choice.body, self._choice.at_s is None
+        name, live = self._choice.body, self._live
         self._near.content = _clearances(name, frame.pairs, self._scene)
         pose = None
         if name is not None:
@@ -134,10 +134,10 @@ class Move:
         self._attaching.show(news)
         self._gizmo.visible = pose is not None and free and not self._hidden
         self._apply.disabled = not free
-        self._reset.disabled = name not in own
+        self._reset.disabled = name not in own or not free
         self._release.disabled = name not in own and other is None
         self._release.label = LET_GO if other is None else f"Take it over from {other.name}"
-        self._undo.disabled = not self._hand.can_undo
+        self._undo.disabled = not (self._hand.can_undo and live)
         self._note.content = _note(name, own, other, parent, news.rivals, live)
         if pose is not None and self._drag.body is None:
             at = moved(pose, self._parts[name].centre / self._parts.scale)
@@ -152,9 +152,22 @@ class Move:
         if hidden and self._gizmo is not None:
             self._gizmo.visible = False
 
+    def rest(self) -> None:
+        """Offer nothing while another scene comes, until its parts are shown."""
+        self._drag.end()
+        for each in (self._apply, self._undo, self._reset, self._release):
+            each.disabled = True
+        if self._gizmo is not None:
+            self._gizmo.visible = False
+
+    @property
+    def _live(self) -> bool:
+        """Whether parts may be moved at all: none is while the page looks back."""
+        return self._choice.at_s is None
+
     def _may(self, name: str | None) -> bool:
-        """Return whether this page may move a part: none while it looks back."""
-        return name is not None and self._choice.at_s is None and self._hand.may(name)
+        """Return whether this page may move a part."""
+        return name is not None and self._live and self._hand.may(name)
 
     def _pose(self, name: str) -> np.ndarray | None:
         """Return where a part is now, whatever moment is shown."""
@@ -212,6 +225,8 @@ class Move:
 
     def _advance(self) -> None:
         """Move the dragged part towards where the hand wants it, as far as it may."""
+        if not self._live:
+            self._drag.end()
         newest = self._newest
         room = None if newest is None else Room(newest, self._scene, self._parts)
         moved_to = self._drag.advance(room, self._stop.value)
@@ -250,11 +265,12 @@ class Move:
         self._place(typed)
 
     def _on_undo(self, _) -> None:
-        if (name := self._hand.undo()) is not None:
+        if self._live and (name := self._hand.undo()) is not None:
             self.pick(name)
 
     def _on_reset(self, _) -> None:
-        self._hand.reset(self._choice.body)
+        if self._may(self._choice.body):
+            self._hand.reset(self._choice.body)
 
     def _on_release(self, _) -> None:
         name = self._choice.body

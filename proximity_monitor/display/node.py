@@ -165,7 +165,7 @@ class ProximityDisplay(Node):
         if before is None or before.key != scene.key:
             self._topics = {body.name: body.topic for body in scene.bodies if body.topic}
             self._inbox.begin(scene)
-            self._holds.release()
+            self._holds.begin(scene.key)
             self._hear_parts(True)
         self._inbox.judge("scene", None)
         self._inbox.tell(scene=scene)

@@ -126,6 +126,7 @@ class Page:
                 self._begin_step(news)
             else:
                 self._banner.content = ""  # it spoke of the previous scene
+                self._move.rest()
             shown_s = None if self._shown is None else self._shown.frame.stamp_s
             self._pill.content = pill(
                 told, self._choice, self._session.span_s[1], deforming, shown_s
@@ -226,6 +227,7 @@ class Page:
         self._client.scene.reset()
         self._choice.ignored = frozenset()
         self._choice.pair = self._choice.body = self._choice.at_s = None
+        self.hand.begin(news.scene.key)
         self._filters.begin(news.scene)
         focal = View.of(self._client.camera).focal
         self._parts = Parts(self._client, news.scene, news.parts, focal)
@@ -348,6 +350,8 @@ class Page:
                 continue
             elif (other := self.hand.other(name)) is not None:
                 why = f"{other.name} holds it: take it over first"
+            elif (parent := scene.held.get(name)) is not None:
+                why = f"it is attached to {parent}: detach it first"
             else:
-                why = f"it is attached to {scene.held.get(name)}: detach it first"
+                why = "another scene has begun"
             self._client.add_notification("Not returned", f"{name}: {why}", color="red")

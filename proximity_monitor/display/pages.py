@@ -89,7 +89,6 @@ class Pages:
         if self._scene is None or self._scene.key != news.scene.key:
             shared.session.clear()
             shared.events.clear()
-            shared.holds.release()  # bodies held since the scene came belong to the previous one
         self._scene = news.scene
         shared.holds.follow(news.scene.held)
         for frame in (*news.passed, news.frame):  # no tick is lost, but only the last is shown

@@ -61,6 +61,8 @@ def page_of(server, client, monkeypatch, conflicts):
     made = all_pages.Pages(server, inbox, holds, node)
 
     def tell(**news):
+        if "scene" in news and news["scene"].key != getattr(inbox.news.scene, "key", None):
+            holds.begin(news["scene"].key)  # as the node does
         inbox.tell(**news, frame_at_s=time.monotonic(), health_at_s=time.monotonic(), present=True)
         made.step()
 

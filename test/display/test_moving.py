@@ -60,6 +60,44 @@ def test_nothing_is_moved_from_a_moment_that_is_over(page):
     assert page.holds.poses["b"][0] == 9.0
 
 
+def test_no_step_is_undone_while_one_looks_back(page):
+    page.move.pick("b")
+    page.tell(frame=frame(1.0))
+    page.hand.place("b", at(4.0), THERE)
+    drag(page, "start", 3.5)
+    page.choice.at_s = 0.0
+    page.tell(frame=frame(2.0))
+    assert page.move._undo.disabled and page.move._reset.disabled
+    page.move._on_undo(PERSON)
+    page.move._on_reset(PERSON)
+    drag(page, "update", 9.0)
+    assert page.holds.poses["b"][0] == 4.0
+    page.choice.at_s = None
+    page.move._on_reset(PERSON)
+    assert page.holds.poses["b"][0] == 3.0
+
+
+def test_nothing_of_a_scene_is_held_after_another_has_begun(page, monkeypatch):
+    told = []
+    monkeypatch.setattr(page.all._client, "add_notification", lambda *x, **_: told.append(x[1]))
+    page.move.pick("b")
+    page.tell(frame=frame(1.0))
+    drag(page, "start", 3.5)
+    page.tell(scene=replace(SCENE, name="other"), frame=None)
+    assert page.move._apply.disabled and not page.move._gizmo.visible
+    drag(page, "update", 9.0)
+    drag(page, "start", 3.5)
+    drag(page, "update", 9.0)
+    page.move._on_step(*STEP)
+    page.all._return_to_worst()
+    assert not page.holds.poses
+    assert told == [f"{name}: another scene has begun" for name in NAMES]
+    page.tell(frame=frame(2.0))
+    page.move.pick("b")
+    page.move._on_step(*STEP)
+    assert page.holds.poses["b"][0] == pytest.approx(3.5)
+
+
 def test_what_is_attached_is_moved_by_no_hand(page):
     page.move.pick("b")
     page.tell(scene=ATTACHED, frame=frame(1.0, 0.01, STOP))

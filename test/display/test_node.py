@@ -172,6 +172,15 @@ def test_a_body_that_the_scene_has_not_is_neither_published_nor_looked_for(displ
     display.until(lambda: heard, "the die's pose")
 
 
+def test_another_scene_lets_all_go_and_what_was_shown_of_the_one_before_takes_none(display):
+    display.holds.take("die", HERE)
+    display.node._on_scene(String(data=json.dumps(SCENE | {"name": "other"})))
+    assert not display.holds.poses
+    assert not display.holds.take("die", HERE)
+    display.holds.begin(display.inbox.news.scene.key)
+    assert display.holds.take("die", HERE)
+
+
 @pytest.fixture
 def no_timer(monkeypatch):
     """The timer of held bodies does not ring while a test runs."""
