@@ -10,8 +10,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from html import escape
+from urllib.parse import unquote
 
 import viser
+
+from proximity_monitor.display.choice import PairName
 
 _ID = "pm-bridge"
 _STYLE = f"div:has(> #{_ID}) + * {{ display: none }}"
@@ -47,3 +50,16 @@ class Bridge:
 def word(text: str) -> str:
     """Return the attribute with which an element within `PRESSES` sends a word when pressed."""
     return f'data-word="{escape(text, quote=True)}"'
+
+
+def pair_word(what: str, pair: PairName) -> str:
+    """Return the same for a word about a pair; `as_pair` reads what follows `what` and a colon."""
+    # Names may have hyphens: those that are left are between the two.
+    a, b = (name.replace("%", "%25").replace("-", "%2D") for name in pair)
+    return word(f"{what}:{a} - {b}")
+
+
+def as_pair(text: str) -> PairName | None:
+    """Return a pair's names from a pressed word; None: it is about no pair."""
+    names = tuple(map(unquote, text.split(" - ")))
+    return names if len(names) == 2 else None

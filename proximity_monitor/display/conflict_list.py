@@ -6,7 +6,7 @@ from html import escape
 
 import viser
 
-from proximity_monitor.display.bridge import PRESSES, word
+from proximity_monitor.display.bridge import PRESSES, pair_word
 from proximity_monitor.display.choice import Choice, PairName
 from proximity_monitor.display.conflicts import row_mark
 from proximity_monitor.display.found import Conflict, conflicts, find
@@ -91,7 +91,7 @@ def _row(conflict: Conflict, start: float, scene: SceneInfo, choice: Choice) -> 
         conflict.decision, conflict.state, conflict.least, scene.unit, "was worse in this session"
     )
     return (
-        f'<tr class="pm-row{chosen}" {word(f"conflict:{a} - {b}")}>'
+        f'<tr class="pm-row{chosen}" {pair_word("conflict", conflict.pair)}>'
         f'<td class=pm-sign style="color:{shown.colour}">{shown.glyph} {shown.word}</td>'
         f"<td>{escape(a)} - {escape(b)}{decided}</td>"
         f"<td class=pm-num>{least}</td><td class=pm-num>{at}</td></tr>"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from html import escape
 from itertools import combinations
 
-from proximity_monitor.display.bridge import PRESSES, word
+from proximity_monitor.display.bridge import PRESSES, pair_word
 from proximity_monitor.display.choice import PairName
 from proximity_monitor.display.labels import short
 from proximity_monitor.display.order import urgent_first
@@ -54,7 +54,7 @@ def _cell(pairs: Pairs, i: int, scene: SceneInfo, highlighted: PairName | None) 
     chosen = " pm-chosen" if (a, b) == highlighted else ""
     return (
         f'<td class="pm-sign{chosen}" style="color:{shown.colour};cursor:pointer"'
-        f" title={_quoted(title)} {word(f'pick:{a} - {b}')}>{glyph(shown)}</td>"
+        f" title={_quoted(title)} {pair_word('pick', (a, b))}>{glyph(shown)}</td>"
     )
 
 

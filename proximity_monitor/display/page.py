@@ -9,7 +9,7 @@ import numpy as np
 import viser
 
 from proximity_monitor.display import conflict_list, event_list, picking, serving
-from proximity_monitor.display.bridge import Bridge
+from proximity_monitor.display.bridge import Bridge, as_pair
 from proximity_monitor.display.choice import Choice
 from proximity_monitor.display.conflict_list import ConflictList
 from proximity_monitor.display.connection import Connection, banner, pill
@@ -26,7 +26,7 @@ from proximity_monitor.display.lines import Lines
 from proximity_monitor.display.listing import Filters
 from proximity_monitor.display.matrix import matrix
 from proximity_monitor.display.move import Move
-from proximity_monitor.display.pairs import as_pair, table
+from proximity_monitor.display.pairs import table
 from proximity_monitor.display.parts import Parts
 from proximity_monitor.display.player_panel import PlayerPanel
 from proximity_monitor.display.portraits import Portraits, Sitting
@@ -303,14 +303,10 @@ class Page:
     def _on_pair(self, what: str, name: str) -> None:
         """Do what was pressed at a pair; one that is not there was not pressed, or has gone."""
         choice, bodies = self._choice, self._shown.scene.names
-        if what == "conflict":
-            pair = as_pair(name, lambda pair: pair[0] in bodies and pair[1] in bodies)
-            if pair is not None:
-                self._conflict_list.go(pair)
-            return
-        there = self._shown.frame.pairs.places.keys() | choice.ignored
-        pair = as_pair(name, there.__contains__)
-        if pair is None:
+        pair = as_pair(name)
+        if what == "conflict" and pair is not None and set(pair) <= set(bodies):
+            self._conflict_list.go(pair)
+        if pair not in self._shown.frame.pairs.places and pair not in choice.ignored:
             return
         if what == "ignore":
             choice.ignore(pair)

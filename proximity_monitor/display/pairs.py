@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from html import escape
 
 import numpy as np
 
-from proximity_monitor.display.bridge import PRESSES, word
-from proximity_monitor.display.choice import Choice, PairName
+from proximity_monitor.display.bridge import PRESSES, pair_word, word
+from proximity_monitor.display.choice import Choice
 from proximity_monitor.display.conflicts import UNDECIDED, row_mark
 from proximity_monitor.display.decisions import Decisions
 from proximity_monitor.display.listing import Listing, listing
@@ -85,7 +84,7 @@ def _start(pairs: Pairs, i: int, scene: SceneInfo, choice: Choice) -> str:
     lower, upper = float(pairs.lower[i]), float(pairs.upper[i])
     return (
         f'<tr class="pm-row{chosen}" data-pair="{escape(name)}" data-lower="{lower!r}"'
-        f' data-upper="{upper!r}" {word(f"pick:{name}")}>'
+        f' data-upper="{upper!r}" {pair_word("pick", pairs.names[i])}>'
         f'<td class=pm-sign style="color:{shown.colour}">{mark(shown)}</td>'
     )
 
@@ -114,7 +113,7 @@ def _row(pairs: Pairs, i: int, scene: SceneInfo, choice: Choice, decided: str) -
         f"<td class=pm-num>{_certainty(pairs, i, scene)}{clearance(pairs, i, scene.unit)}"
         f"{_bar(pairs, i, scene)}</td>"
         f'<td><span class="pm-press pm-small" title="ignore this pair here"'
-        f" {word(f'ignore:{a} - {b}')}>hide</span></td></tr>"
+        f" {pair_word('ignore', (a, b))}>hide</span></td></tr>"
     )
 
 
@@ -182,19 +181,6 @@ def _ignored(pairs: Pairs, scene: SceneInfo, choice: Choice) -> str:
         if row is not None and (pairs.level[row] != 0 or pairs.touching[row]):
             shown = sign(pairs, row, scene)
             state = f' <b style="color:{shown.colour}">{mark(shown)}</b>'
-        press = word(f"ignore:{a} - {b}")
+        press = pair_word("ignore", (a, b))
         links.append(f"<span class=pm-press {press}>{escape(a)} - {escape(b)}</span>{state}")
     return f"<div class=pm-small>hidden here, press to watch again: {', '.join(links)}</div>"
-
-
-def as_pair(name: str, known: Callable[[PairName], bool]) -> PairName | None:
-    """Return the pair's names from a pressed word; None: no pair that is known is called so.
-
-    Args:
-        name: of both bodies, as the list has it. The name of a body may have a hyphen too.
-        known: whether there is such a pair.
-    """
-    parts = name.split(" ")
-    cuts = (i for i, part in enumerate(parts) if part == "-")
-    pairs = ((" ".join(parts[:i]), " ".join(parts[i + 1 :])) for i in cuts)
-    return next(filter(known, pairs), None)

@@ -21,6 +21,7 @@ from raw_browser import RawBrowser
 
 from proximity_monitor.display import pages as all_pages
 from proximity_monitor.display import tried
+from proximity_monitor.display.bridge import pair_word
 from proximity_monitor.display.received import Part
 from proximity_monitor.display.state import STOP, Health
 
@@ -176,24 +177,28 @@ def test_what_was_tried_in_one_scene_is_not_told_in_another(page):
 
 
 def test_a_pair_is_found_by_its_names_whatever_hyphens_they_have(page):
-    bodies = ("x -", "y", "x", "- z", "p - q")
-    pairs = (("x -", "y"), ("x", "- z"), ("y", "p - q"))
+    bodies = ("x -", "y", "x", "- y", "p-q", "p%2Dq")
+    pairs = (("x -", "y"), ("x", "- y"), ("y", "p-q"), ("y", "p%2Dq"))
     scene = replace(
-        SCENE, pairs=3, bodies=tuple(replace(SCENE.bodies[0], name=name) for name in bodies)
+        SCENE, pairs=4, bodies=tuple(replace(SCENE.bodies[0], name=name) for name in bodies)
     )
-    told = ticks.frame(1.0, [0.3] * 3, names=pairs)
+    told = ticks.frame(1.0, [0.3] * 4, names=pairs)
     parts = [Part(HERE, np.ones(4), CORNERS)] * len(bodies)
-    page.tell(scene=scene, parts=parts, frame=replace(told, poses=np.tile(HERE, (5, 1))))
+    page.tell(scene=scene, parts=parts, frame=replace(told, poses=np.tile(HERE, (6, 1))))
+    words_of = {pair: re.search('"(.*)"', pair_word("", pair))[1] for pair in pairs}
     for pair in pairs:
-        page.all._on_word(f"ignore:{' - '.join(pair)}")
+        assert f'data-word="ignore{words_of[pair]}"' in page.all._table.content
+        page.all._on_word(f"ignore{words_of[pair]}")
+        assert pair in page.choice.ignored
     assert page.choice.ignored == frozenset(pairs)
     for what in ("ignore", "pick", "conflict"):
         page.all._on_word(f"{what}:no such - pair")
         page.all._on_word(f"{what}:nothing")
     assert page.choice.ignored == frozenset(pairs)
     assert page.choice.pair is None
-    page.all._on_word("conflict:p - q - y")
-    assert page.choice.pair == ("p - q", "y")
+    for pair in pairs:
+        page.all._on_word(f"conflict{words_of[pair]}")
+        assert page.choice.pair == pair
 
 
 @pytest.mark.parametrize(
