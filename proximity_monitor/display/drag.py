@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import threading
 from typing import NamedTuple
 
@@ -97,7 +96,7 @@ class Drag:
         frame, scene, parts = room
         group = carried(name, scene.held)
         radius = radius_of(name, group, frame, scene, parts)
-        if math.isinf(radius):
+        if radius is None:
             return None
         seen = frame.pose(scene.moving.index(name))
         centre = parts[name].centre / parts.scale

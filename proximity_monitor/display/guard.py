@@ -20,7 +20,7 @@ from proximity_monitor.display.state import STALE, UNKNOWN, Frame, SceneInfo
 FREE, AT_STOP, AT_CONTACT = "nowhere", "at stop", "at contact"
 
 SURELY = 1.02
-"""A part may reach beyond the triangles that are shown, by less than this."""
+"""The triangles that are shown are rounded: they reach as far but for less than this."""
 
 _HALVINGS = 40
 
@@ -65,18 +65,18 @@ def slack(group: Collection[str], frame: Frame, scene: SceneInfo, where: str) ->
 
 def radius_of(
     name: str, group: Collection[str], frame: Frame, scene: SceneInfo, parts: Parts
-) -> float:
+) -> float | None:
     """Return that of a ball about a body's centre that holds all that move with it, in metres.
 
-    Infinite: the pose of one of them is not known.
+    None: the pose of one of them is not known. Infinite: nor is how far one of them reaches.
     """
     poses = {each: frame.pose(scene.moving.index(each)) for each in group}
     if any(pose is None for pose in poses.values()):
-        return math.inf
+        return None
     centres = {x: moved(pose, parts[x].centre / parts.scale)[:3] for x, pose in poses.items()}
     sizes = {x: np.linalg.norm(parts[x].high - parts[x].low) / 2.0 / parts.scale for x in group}
     away = {x: np.linalg.norm(centre - centres[name]) for x, centre in centres.items()}
-    return max(float(away[each] + SURELY * sizes[each]) for each in group)
+    return max(float(away[each] + SURELY * sizes[each] + parts[each].off) for each in group)
 
 
 def reach(before: np.ndarray, after: np.ndarray, centre: np.ndarray, radius: float) -> float:
@@ -86,11 +86,13 @@ def reach(before: np.ndarray, after: np.ndarray, centre: np.ndarray, radius: flo
         before: x y z in metres, quaternion w x y z.
         after: the same.
         centre: (3,) in the body's frame, metres.
-        radius: of a ball about it that contains the body, metres.
+        radius: of a ball about it that contains the body, metres; infinite: not known.
     """
     shift = after[:3] - before[:3] + rotate(after[3:], centre) - rotate(before[3:], centre)
     sine = np.linalg.norm(multiply(conjugate(before[3:]), after[3:])[1:])  # of half the angle
-    return float(np.linalg.norm(shift)) + 2.0 * float(sine) * radius
+    # How far what reaches without end moves is known only where it does not turn.
+    turned = 2.0 * float(sine) * radius if sine > 0.0 else 0.0
+    return float(np.linalg.norm(shift)) + turned
 
 
 def farthest(

@@ -66,7 +66,7 @@ class PartView:
         self.movable = body.topic is not None
         self.pose = IDENTITY if part.pose is None else part.pose
         self.point = body.point
-        self.solid = part.solid
+        self.solid, self.off = part.solid, part.off
         self.colour = tuple(round(255 * c) for c in part.colour[:3])
         self.shape = 0
         """Differs after each change of shape or of coats."""
@@ -152,7 +152,7 @@ class PartView:
         """Take another shape; edges are not found again each time."""
         self.stand()
         self._reshaped = True
-        before, self.solid = self.whole, part.solid
+        before, self.solid, self.off = self.whole, part.solid, part.off
         self.whole = whole = shape_of(part, scale, before, detailed=False)
         if self.levels or whole.flat != before.flat:  # those were of the shape before
             shown, self.levels = self.mesh.visible, ()

@@ -101,18 +101,27 @@ def test_what_a_part_carries_counts_as_the_part_itself():
     frame.pairs.lower[:] = 0.001, 0.3, 0.3
     assert slack({"a", "b"}, frame, scene, AT_STOP) == pytest.approx(0.27)
     poses = np.array([[0, 0, 0, 1, 0, 0, 0], [3, 0, 0, 1, 0, 0, 0], [0, 0, 0, 1, 0, 0, 0.0]])
-    view = SimpleNamespace(low=np.full(3, -1.0), high=np.full(3, 1.0), centre=np.zeros(3))
+    corner = np.ones(3)
+    view = SimpleNamespace(low=-corner, high=corner, centre=np.zeros(3), off=0.25)
     parts = Views(dict.fromkeys("abc", view))
     frame = replace(frame, poses=poses)
-    half = SURELY * np.sqrt(3.0)
+    half = SURELY * np.sqrt(3.0) + 0.25
     assert radius_of("a", {"a"}, frame, scene, parts) == pytest.approx(half)
     assert radius_of("a", {"a", "b"}, frame, scene, parts) == pytest.approx(3.0 + half)
     poses[1] = 0.0
-    assert np.isinf(radius_of("a", {"a", "b"}, frame, scene, parts))
+    assert radius_of("a", {"a", "b"}, frame, scene, parts) is None
 
 
 class Views(dict):
     scale = 1.0
+
+
+def test_what_reaches_nobody_knows_how_far_is_shifted_but_not_turned():
+    shifted = IDENTITY + np.array([0.3, 0, 0, 0, 0, 0, 0])
+    there = farthest(IDENTITY, IDENTITY, shifted, np.ones(3), np.inf, 0.1)
+    assert 0.0999 < there[0] < 0.1
+    turned = np.concatenate((shifted[:3], from_rotation_vector(np.array([0.0, 0, 1e-6]))))
+    assert farthest(IDENTITY, IDENTITY, turned, np.ones(3), np.inf, 0.1) is IDENTITY
 
 
 def test_a_turn_that_is_hardly_one_reaches_as_far_as_it_does():
