@@ -37,7 +37,7 @@ class Attaching:
             child, parent = self._choice.body, self._parent.value
             if event.client is None or child is None:
                 return
-            self._asked = f"attachments.{safe(child)}"
+            self._asked = _parameter(child)
             ask({self._asked: "" if parent == NOTHING else parent})
 
     def show(self, news: News) -> None:
@@ -52,5 +52,10 @@ class Attaching:
             self._told = (child, parent, news.refusal)
             self._parent.value = parent
         self._parent.disabled = child is None
-        told = f"not taken: {news.refusal}" if self._asked in news.refused else ""
+        own = child is not None and self._asked == _parameter(child)
+        told = f"not taken: {news.refusal}" if own and self._asked in news.refused else ""
         self._refusal.content = f'<div class="pm pm-small pm-unproved">{escape(told)}</div>'
+
+
+def _parameter(child: str) -> str:
+    return f"attachments.{safe(child)}"

@@ -149,6 +149,10 @@ def test_a_part_is_held_until_the_monitor_has_attached_it(page):
     page.tell(refusal="a circle", refused=frozenset({"attachments.b"}))
     assert page.holds.poses["b"][0] == 4.0
     assert "a circle" in words(told)
+    page.move.pick(NAMES[0])
+    page.tell()
+    assert words(told) == ""
+    page.move.pick("b")
     page.tell(refusal="must be positive", refused=frozenset({"budget_ms"}))
     assert words(told) == ""
     page.tell(scene=ATTACHED, refusal="", refused=frozenset())
