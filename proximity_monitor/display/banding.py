@@ -88,7 +88,7 @@ class Banding:
         near = {name: self._near(name, frame, parts, changed) for name in wanted}
         old = [n for n in wanted if n not in self._made or self._made[n][0] != near[n]]
         since = [frame.stamp_s - self._made[name][1] for name in old if name in self._made]
-        self._behind_s = max(since, default=0.0)
+        self._behind_s = max(since, key=abs, default=0.0)  # negative: while one looks back
         if self._job is None and old and now_s >= self._due_s:
             self._due_s = now_s + EVERY_S
             name = min(old, key=lambda each: self._made[each][1] if each in self._made else -np.inf)
@@ -102,7 +102,8 @@ class Banding:
             f"<span style='background:rgb{colour};padding:0 6px'>{shown.glyph}</span> {word} "
             for colour, word, shown in zip(COLOURS, _WORDS, _SIGNS, strict=True)
         )
-        late = f"; {self._behind_s:.1f} s behind" if self._behind_s > 0.0 else ""
+        where = "behind" if self._behind_s > 0.0 else "after the moment that is shown"
+        late = f"; {abs(self._behind_s):.1f} s {where}" if self._behind_s else ""
         sampled, off = np.array(list(self._sampled_m.values()) or [(0.0, 0.0)]).max(axis=0)
         unit, told = self._scene.unit, []
         if sampled > 0.0:

@@ -60,6 +60,11 @@ class Choice:
     """A pair that somebody went back to, as it was: the session may not have kept that tick."""
 
     @property
+    def when(self) -> str:
+        """What people call the moment that is shown."""
+        return "now" if self.at_s is None else "then"
+
+    @property
     def filtered(self) -> bool:
         """Whether some pairs are not listed."""
         return bool(self.search or self.state or self.part or self.status)

@@ -100,12 +100,14 @@ class Deciding:
         state, upper = "", math.nan
         if row is not None:
             state, upper = KINDS[kinds(self._pairs)[row]], self._pairs.upper[row]
-        line = f"{' - '.join(self._pair)}: {told(decision, state, upper, scene.unit) or NEW}"
-        when = f", decided {decision.decided}" if decision.decided else ""
+        when = self._choice.when
+        known = told(decision, state, upper, scene.unit, f"worse {when}") or NEW
+        line = f"{' - '.join(self._pair)}: {known}"
+        more = f", decided {decision.decided}" if decision.decided else ""
         if row is None:
-            when += f"; now {reason(self._pair, self._pairs, scene)}"
+            more += f"; {when} {reason(self._pair, self._pairs, scene)}"
         elif self._choice.at_s is not None:
             then = clearance(self._pairs, row, scene.unit)
-            when += f"; what you keep is about this moment: {then}"
+            more += f"; what you keep is about this moment: {then}"
         path = self._conflicts.path
-        return f"{line}{when}" + (f"; kept in {path}" if path is not None else "")
+        return f"{line}{more}" + (f"; kept in {path}" if path is not None else "")

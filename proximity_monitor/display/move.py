@@ -196,9 +196,8 @@ class Move:
         if pose is None or (name, pose.tobytes()) == self._told:
             return ""
         place, turn = (", ".join(map(repr, each)) for each in self._numbers(pose))
-        when = "now" if self._choice.at_s is None else "then"
-        now = f"{when} at {place} {escape(self._scene.unit.symbol)}, turned by {turn} deg"
-        return f'<div class="pm pm-small pm-dim" id="pm-now">{now}</div>'
+        at = f"at {place} {escape(self._scene.unit.symbol)}, turned by {turn} deg"
+        return f'<div class="pm pm-small pm-dim" id="pm-now">{self._choice.when} {at}</div>'
 
     def _numbers(self, pose: np.ndarray) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """Return what the fields say of a pose: in the scene's unit, and in degrees."""

@@ -69,7 +69,8 @@ def table(
         for i in rows:
             count += 1
             decision = decisions.get(frozenset(pairs.names[i]), UNDECIDED)
-            told = row_mark(decision, KINDS[states[i]], pairs.upper[i], scene.unit)
+            worse = f"worse {choice.when}"
+            told = row_mark(decision, KINDS[states[i]], pairs.upper[i], scene.unit, worse)
             body.append((_row if count <= FULL_ROWS else _line)(pairs, i, scene, choice, told))
     return (
         f'<div class=pm {PRESSES}><table class=pm-table id="pm-pairs">{head}{"".join(body)}</table>'

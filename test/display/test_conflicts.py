@@ -252,6 +252,27 @@ def test_the_panel_keeps_what_is_decided_about_the_highlighted_pair(alone):
     assert (panel._status.value, panel._comment.value) == ("accepted", "as drawn")
 
 
+def test_what_is_told_of_a_moment_that_is_over_is_not_called_now(alone):
+    row = frame(1.0, 0.01, STOP)
+    none = np.zeros(0, int)
+    arrays = ("lower", "upper", "points", "status", "level", "age_s", "stamp_s")
+    taken = {name: getattr(row.pairs, name)[none] for name in arrays}
+    alone.tell(frame=replace(row, pairs=replace(row.pairs, names=(), silent=(), **taken)))
+    alone.pages._shared.conflicts.decide(NAMES, Decision("ignored", "", "warn", 0.05, 0.05))
+    for stamp_s in (2.0, 3.0):
+        alone.tell(frame=frame(stamp_s, 0.01, STOP))
+    alone.choice.pair, note = NAMES, alone.all._deciding._note
+    alone.tell()
+    assert "worse now" in words(note) and "worse now" in words(alone.all._table)
+    alone.choice.at_s = 2.0
+    alone.tell()
+    assert "worse then" in words(note) and "worse then" in words(alone.all._table)
+    alone.choice.at_s = 1.0
+    alone.tell()
+    assert "; then beyond its range" in words(note)
+    assert "now" not in words(note)
+
+
 def press(panel):
     for callback in panel._keep._impl.update_cb:
         callback(None)

@@ -175,6 +175,13 @@ def test_bands_know_what_is_stale_or_of_one_pair_alone_and_the_limits_in_force(p
     counts, legend = banded(page, "b")
     assert counts[:2] == [0, 0] and counts[2] > 0 and counts[3] == 0
     assert "certain" in legend
+    page.tell(frame=frame(51.2, poses=(HERE, 9.0 * np.eye(7)[0] + HERE)))
+    banded(page, "b")
+    page.choice.at_s, banding = 1.2, page.all._inspect._banding
+    banding._due_s = np.inf
+    page.tell()
+    assert "50.0 s after the moment that is shown" in words(page.all._inspect._legend)
+    page.choice.at_s, banding._due_s = None, 0.0
     wide = replace(SCENE, name="bands", thresholds=Thresholds(5.0, 4.0, 0.0))
     page.tell(scene=wide, frame=frame(1.3))
     assert banded(page, "b")[0][2:] == [0, 0]
