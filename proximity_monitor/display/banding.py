@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -29,7 +30,9 @@ _WORKER = ThreadPoolExecutor(1, thread_name_prefix="bands")
 """One for all browsers, so that the page has its time."""
 
 
-_Near = tuple[tuple[Part, bytes | None], tuple]
+_Placed = tuple[Part, bytes | None]
+
+_Near = tuple[_Placed, tuple]
 """A part with its pose, and those near it: part, pose, whether it is a point, and the limits. The
 pose is None where it is not known at that moment, or too old."""
 
@@ -50,6 +53,9 @@ class Banding:
         self._parts = parts
         self._scene = scene
         self._number = {body.name: i for i, body in enumerate(scene.bodies)}
+        self._row = {name: i for i, name in enumerate(scene.moving)}
+        self._seen: tuple = ()
+        self._near: dict[str, _Near] = {}  # of what was seen last
         self._made: dict[str, tuple[_Near | None, float]] = {}  # of what, and from which tick
         self._job: _Job | None = None
         self._due_s = 0.0
@@ -84,8 +90,12 @@ class Banding:
             job, self._job = self._job, None
             if job.name in wanted:
                 self._draw(job)
-        changed = self._scene.deforming if past else frozenset()
-        near = {name: self._near(name, frame, parts, changed) for name in wanted}
+        seen = frame, scene, parts, tuple(wanted), past
+        if seen != self._seen:  # once a tick, not at each step
+            self._seen, changed = seen, scene.deforming if past else frozenset()
+            placed = cache(lambda name: self._placed(name, frame, parts))
+            self._near = {name: self._near_of(name, frame, placed, changed) for name in wanted}
+        near = self._near
         old = [n for n in wanted if n not in self._made or self._made[n][0] != near[n]]
         since = [frame.stamp_s - self._made[name][1] for name in old if name in self._made]
         self._behind_s = max(since, key=abs, default=0.0)  # negative: while one looks back
@@ -115,33 +125,33 @@ class Banding:
         exact = "; ".join(told) or "certain"
         return f'<div class="pm pm-small" id="pm-bands">{boxes}<br>{exact}{late}</div>'
 
-    def _near(
-        self, name: str, frame: Frame, parts: Sequence[Part], changed: Collection[str]
+    def _near_of(
+        self, name: str, frame: Frame, placed: Callable[[str], _Placed], changed: Collection[str]
     ) -> _Near:
         """Return all that a part's bands depend on: the listed pairs that it is in.
 
         Nothing is known of a stale pair, of a tick of which one pair is known, and of what had
         another shape.
         """
-        part, pose = self._placed(name, frame, parts)
+        part, pose = placed(name)
         if not frame.whole or name in changed:
             return (part, None), ()
         others, pairs = [], frame.pairs
-        for row, pair in enumerate(pairs.names):
-            if name in pair:
-                other = pair[1] if pair[0] == name else pair[0]
-                point = self._scene.bodies[self._number[other]].point
-                there, at = self._placed(other, frame, parts)
-                known = pairs.level[row] != STALE and other not in changed
-                limits = self._scene.thresholds_of(pair)
-                others.append((there, at if known else None, point, limits))
+        for row in pairs.rows_of.get(name, ()):
+            pair = pairs.names[row]
+            other = pair[1] if pair[0] == name else pair[0]
+            point = self._scene.bodies[self._number[other]].point
+            there, at = placed(other)
+            known = pairs.level[row] != STALE and other not in changed
+            limits = self._scene.thresholds_of(pair)
+            others.append((there, at if known else None, point, limits))
         return (part, pose), tuple(others)
 
-    def _placed(self, name: str, frame: Frame, parts: Sequence[Part]) -> tuple[Part, bytes | None]:
+    def _placed(self, name: str, frame: Frame, parts: Sequence[Part]) -> _Placed:
         """Return a part and its pose, as bytes that can be compared."""
         part = parts[self._number[name]]
-        moving = name in self._scene.moving
-        pose = frame.pose(self._scene.moving.index(name)) if moving else part.pose
+        row = self._row.get(name)
+        pose = part.pose if row is None else frame.pose(row)
         return part, None if pose is None else pose.tobytes()
 
     def _draw(self, job: _Job) -> None:

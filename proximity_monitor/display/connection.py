@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import enum
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
+from functools import lru_cache
 from html import escape
 from typing import NamedTuple
 
@@ -99,16 +100,18 @@ def connection(news: News, now_s: float) -> Connection:
     return Connection(ConnectionState.LIVE, "every number is of the present poses")
 
 
-def silent_bodies(frame: Frame) -> dict[str, str]:
-    """Return the bodies without a recent pose, and for how long."""
+@lru_cache(maxsize=1)
+def silent_bodies(frame: Frame) -> Mapping[str, str]:
+    """Return the bodies without a recent pose, and for how long; once a tick, not at each step."""
     found: dict[str, float] = {}
     pairs = frame.pairs
-    for i in (pairs.level == STALE).nonzero()[0]:
-        age = frame.stamp_s - pairs.stamp_s[i]
+    rows = np.flatnonzero(pairs.level == STALE)
+    ages = frame.stamp_s - pairs.stamp_s[rows]
+    for i, age in zip(rows.tolist(), ages.tolist(), strict=True):
         for name in pairs.silent_bodies.get(i, pairs.names[i]):
             # With two silent bodies, the stamp belongs to the one that is silent for longer.
-            known = found.get(name, math.inf)
-            found[name] = age if math.isinf(known) else min(known, age)
+            known = found.get(name)
+            found[name] = age if known is None else min(known, age)
     return {
         name: "never given" if math.isnan(age) else f"for {age:.1f} s"
         for name, age in found.items()

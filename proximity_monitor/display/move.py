@@ -283,7 +283,8 @@ def _clearances(name: str | None, pairs: Pairs, scene: SceneInfo) -> str:
     """Return the nearest pairs of a part as HTML."""
     if name is None:
         return ""
-    rows = [i for i in np.argsort(pairs.lower) if name in pairs.names[i]][:NEAREST]
+    own = np.array(pairs.rows_of.get(name, ()), int)
+    rows = own[np.argsort(pairs.lower[own])][:NEAREST]
     told = "".join(
         f'<div class=pm-line><b style="color:{(shown := sign(pairs, i, scene)).colour}">'
         f"{glyph(shown)}</b><span class=pm-cut>{escape(' - '.join(pairs.names[i]))}</span>"

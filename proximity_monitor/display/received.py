@@ -118,15 +118,23 @@ def _silent(
 ) -> tuple[tuple[str, ...], Mapping[int, tuple[str, ...]]]:
     """Return for each pair why its bodies are silent, and by row which are."""
     found, mute = [""] * len(rows), {}
-    for i in np.flatnonzero(level == STALE).tolist():
-        codes = rows["silent_a"][i], rows["silent_b"][i]
-        told = {
-            name: _word(code, words, "no news")
-            for name, code in zip(names[i], codes, strict=True)
-            if code
-        }
-        found[i], mute[i] = silence(told, told), tuple(told)
+    stale = np.flatnonzero(level == STALE)
+    codes = zip(rows["silent_a"][stale].tolist(), rows["silent_b"][stale].tolist(), strict=True)
+    words = tuple(words)
+    for i, of in zip(stale.tolist(), codes, strict=True):
+        found[i], mute[i] = _silence(names[i], of, words)
     return tuple(found), mute
+
+
+@lru_cache(maxsize=1 << 15)
+def _silence(
+    pair: tuple[str, str], codes: tuple[int, int], words: tuple[str, ...]
+) -> tuple[str, tuple[str, ...]]:
+    """Return why a pair's bodies are silent, and which are: the same from tick to tick."""
+    told = {
+        name: _word(code, words, "no news") for name, code in zip(pair, codes, strict=True) if code
+    }
+    return silence(told, told), tuple(told)
 
 
 def _features(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import Any
@@ -181,6 +181,16 @@ def places(names: PairNames) -> Mapping[tuple[str, str], int]:
     return {name: i for i, name in enumerate(names)}
 
 
+@lru_cache(maxsize=16)
+def rows_of(names: PairNames) -> Mapping[str, Sequence[int]]:
+    """Return the rows of each body's pairs; see `places`."""
+    found: dict[str, list[int]] = {}
+    for i, pair in enumerate(names):
+        for name in pair:
+            found.setdefault(name, []).append(i)
+    return found
+
+
 @dataclass(frozen=True, eq=False)
 class Pairs:
     """The listed pairs of one tick as arrays of k rows, in the scene's order."""
@@ -215,6 +225,11 @@ class Pairs:
     def places(self) -> Mapping[tuple[str, str], int]:
         """The row of each pair."""
         return places(self.names)  # looked up once, because it hashes all names
+
+    @cached_property
+    def rows_of(self) -> Mapping[str, Sequence[int]]:
+        """The rows of the pairs of each body that has any."""
+        return rows_of(self.names)
 
     @cached_property
     def silent_names(self) -> frozenset[str]:

@@ -1,11 +1,16 @@
 """Bands: which places of a part are nearer than stop or warn, and how far that is certain."""
 
+from dataclasses import replace
+from itertools import pairwise
+
 import numpy as np
 import pytest
+import ticks
 
 pytest.importorskip("viser", reason="viser is not installed: pip install '.[display]'")
 
 from proximity_monitor import engine
+from proximity_monitor.display.banding import Banding
 from proximity_monitor.display.bands import (
     ABOVE,
     BELOW_STOP,
@@ -164,3 +169,22 @@ def test_no_band_is_certain_that_depends_on_how_far_what_is_drawn_is_off(own):
     square.off = np.inf
     unknown = Other(model_of(square, False), np.eye(4), LIMITS, np.inf)
     assert bands(PLATE, [unknown], budget_s=60.0).off_m == np.inf
+
+
+def test_what_bands_depend_on_is_looked_up_once_a_tick_and_only_near_the_part(monkeypatch):
+    names = tuple("abcdefgh")
+    around = tuple(pairwise(names))
+    told = ticks.frame(1.0, [0.3] * len(around), names=around)
+    told = replace(told, poses=np.tile(HERE, (len(names), 1)))
+    scene, _ = ticks.scene_and_frame()
+    scene = replace(scene, bodies=tuple(replace(scene.bodies[0], name=name) for name in names))
+    parts = [part(PLATE)] * len(names)
+    looked, placed = [], Banding._placed
+    monkeypatch.setattr(Banding, "_placed", lambda self, *x: looked.append(x) or placed(self, *x))
+    banding = Banding(None, {}, scene)
+    banding._due_s = np.inf
+    for _ in range(3):
+        banding.show(scene, told, parts, ["b", "c"], 0.0)
+    assert sorted(name for name, *_ in looked) == ["a", "b", "c", "d"]
+    banding.show(scene, replace(told, stamp_s=2.0), parts, ["b"], 0.0)
+    assert len(looked) == 7

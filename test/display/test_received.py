@@ -17,7 +17,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from proximity_monitor import cdr, engine
 from proximity_monitor.cdr import as_octahedral, from_octahedral
-from proximity_monitor.display import state
+from proximity_monitor.display import received, state
 from proximity_monitor.display.connection import silent_bodies
 from proximity_monitor.display.inbox import Inbox
 from proximity_monitor.display.received import (
@@ -109,7 +109,18 @@ def test_silent_bodies_are_known_whatever_they_are_called(names):
     silent = [pair(0, PairStatus.EXACT, 0.1, 0.1, names[1:], names)]
     read = read_pairs(*told(silent, {0: Level.STALE}))[1]
     assert read.silent_bodies == {0: names[1:]}
-    assert silent_bodies(Frame(5.5, np.zeros((2, 7)), read)) == {names[1]: "for 1.5 s"}
+    tick = Frame(5.5, np.zeros((2, 7)), read)
+    assert silent_bodies(tick) == {names[1]: "for 1.5 s"}
+    assert silent_bodies(tick) is silent_bodies(tick)  # at each step of the page
+
+
+def test_why_pairs_are_silent_is_told_anew_only_where_it_changes(monkeypatch):
+    silent = [pair(0, PairStatus.EXACT, 0.1, 0.1, ("x of the cell",), ("x of the cell", "y"))]
+    data, scene = told(silent, {0: Level.STALE})
+    first = read_pairs(data, scene)[1]
+    assert first.silent_bodies == {0: ("x of the cell",)}
+    monkeypatch.setattr(received, "silence", lambda *_: pytest.fail("it was told anew"))
+    assert read_pairs(data, scene)[1].silent == first.silent
 
 
 def test_features_of_near_pairs_are_read_as_the_monitor_writes_them():
