@@ -15,7 +15,7 @@ from pathlib import Path
 from proximity_monitor.display import decisions
 from proximity_monitor.display.choice import PairName
 from proximity_monitor.display.decisions import NEW, Decision, Decisions, Unsaved
-from proximity_monitor.display.order import KINDS, kinds
+from proximity_monitor.display.order import kind_of
 from proximity_monitor.display.signs import length
 from proximity_monitor.display.state import Pairs, SceneInfo, Unit
 
@@ -121,7 +121,7 @@ def decided(pairs: Pairs, row: int | None, status: str, comment: str) -> Decisio
         return Decision(status, comment, decided=now)
     bounds = (float(x) for x in (pairs.lower[row], pairs.upper[row]))
     known = (x if abs(x) <= decisions.FAR_M else None for x in bounds)
-    return Decision(status, comment, KINDS[kinds(pairs)[row]], *known, now)
+    return Decision(status, comment, kind_of(pairs, row), *known, now)
 
 
 def told(decision: Decision, state: str, upper: float, unit: Unit, worse: str = "worse now") -> str:

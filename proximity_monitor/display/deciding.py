@@ -14,7 +14,7 @@ import viser
 from proximity_monitor.display.choice import Choice, PairName
 from proximity_monitor.display.conflicts import UNDECIDED, Conflicts, decided, told
 from proximity_monitor.display.decisions import NEW, STATUSES, Decision
-from proximity_monitor.display.order import KINDS, kinds
+from proximity_monitor.display.order import kind_of
 from proximity_monitor.display.signs import clearance
 from proximity_monitor.display.state import Pairs, SceneInfo
 from proximity_monitor.display.unlisted import reason
@@ -99,7 +99,7 @@ class Deciding:
             return "Press a pair in the list to decide about it."
         state, upper = "", math.nan
         if row is not None:
-            state, upper = KINDS[kinds(self._pairs)[row]], self._pairs.upper[row]
+            state, upper = kind_of(self._pairs, row), self._pairs.upper[row]
         when = self._choice.when
         known = told(decision, state, upper, scene.unit, f"worse {when}") or NEW
         line = f"{' - '.join(self._pair)}: {known}"

@@ -70,8 +70,10 @@ class Decision(NamedTuple):
         """
         if self.status == NEW or self.state not in KINDS or state not in KINDS or state == "stale":
             return False
-        if state != self.state or state != KINDS[CONTACT_KIND] or self.upper is None:
+        if state != self.state:
             return KINDS.index(state) < KINDS.index(self.state)
+        if state != KINDS[CONTACT_KIND] or self.upper is None:
+            return False
         if self.upper >= 0.0:
             return upper < 0.0
         return self.lower is not None and upper < MUCH * self.lower

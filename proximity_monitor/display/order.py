@@ -14,11 +14,21 @@ CONTACT_KIND, STOP_KIND, WARN_KIND, STALE_KIND, CLEAR_KIND = range(len(KINDS))
 
 def kinds(pairs: Pairs) -> np.ndarray:
     """Return the place (k,) of each pair's state in KINDS."""
-    found = np.full(len(pairs), CLEAR_KIND, np.int8)
-    found[pairs.level == WARN] = WARN_KIND
-    found[pairs.level == STOP] = STOP_KIND
-    found[pairs.touching] = CONTACT_KIND
-    found[(pairs.level == STALE) | (pairs.status == UNKNOWN)] = STALE_KIND
+    return _kinds(pairs.level, pairs.status, pairs.touching)
+
+
+def kind_of(pairs: Pairs, row: int) -> str:
+    """Return the state of one pair, one of KINDS."""
+    one = slice(row, row + 1)
+    return KINDS[_kinds(pairs.level[one], pairs.status[one], pairs.touching[one])[0]]
+
+
+def _kinds(level: np.ndarray, status: np.ndarray, touching: np.ndarray) -> np.ndarray:
+    found = np.full(len(level), CLEAR_KIND, np.int8)
+    found[level == WARN] = WARN_KIND
+    found[level == STOP] = STOP_KIND
+    found[touching] = CONTACT_KIND
+    found[(level == STALE) | (status == UNKNOWN)] = STALE_KIND
     return found
 
 

@@ -171,15 +171,16 @@ class Page:
         if not self._all_placed and frame.poses[:, 3:].any(axis=1).all():
             self._look_at_all(frame)
         self._inspect.show(scene, frame, news.parts, now_s, sitting)
+        left = unlisted(news.frame.pairs, scene, news.health)
         if now_s >= self._due_s:
             self._due_s = now_s + TABLE_S
-            left = unlisted(news.frame.pairs, scene, news.health)
             self._banner.content = banner(news.frame, scene, choice, told, left)
             self._limits.show(scene, news.health, news.refusal, now_s)
             self._deciding.show(frame.pairs, scene)
             if told.current:
                 self._beat.show(news.frame, patience_s(scene) - (now_s - news.frame_at_s))
-        left = unlisted(frame.pairs, scene, news.health if choice.at_s is None else None)
+        if choice.at_s is not None:  # nobody has kept why
+            left = unlisted(frame.pairs, scene, None)
         listed = (frame, scene, self._conflicts.all, replace(choice), left)
         # Only what is new takes its turn: else the next tick would wait for it.
         if now_s >= self._table_due_s and listed != self._listed:

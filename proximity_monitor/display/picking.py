@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import viser
 
-from proximity_monitor.display.geometry import rotate
+from proximity_monitor.display.geometry import conjugate, rotate
 from proximity_monitor.display.part_view import PartView
 from proximity_monitor.display.parts import Parts
 from proximity_monitor.display.section import Plane
@@ -90,7 +90,7 @@ def part_under(ray: Ray, parts: Parts) -> str | None:
 def _distance(origin: np.ndarray, direction: np.ndarray, view: PartView, scale: float) -> float:
     if view.opacity < FAINT:
         return np.inf
-    back = view.pose[3:] * (1.0, -1.0, -1.0, -1.0)
+    back = conjugate(view.pose[3:])
     start = rotate(back, origin - view.pose[:3] * scale)
     return first_hit(start, rotate(back, direction), view.low, view.high, view.corners())
 

@@ -15,7 +15,7 @@ from proximity_monitor.display.decisions import NEW
 from proximity_monitor.display.events import Event
 from proximity_monitor.display.export import csv_of
 from proximity_monitor.display.found import Conflict, moment
-from proximity_monitor.display.order import KINDS, kinds
+from proximity_monitor.display.order import kind_of
 from proximity_monitor.display.signs import Sign, clearance, length, number, sign
 from proximity_monitor.display.snapshot import Snapshot
 from proximity_monitor.display.state import Frame, SceneInfo, Unit
@@ -114,7 +114,7 @@ def _section(
     row = last.pairs.places.get(pair)
     now, upper = "", math.nan
     if row is not None:
-        now, upper = KINDS[kinds(last.pairs)[row]], float(last.pairs.upper[row])
+        now, upper = kind_of(last.pairs, row), float(last.pairs.upper[row])
     rows = [("status", escape(_decision(conflict, now, upper, unit)))]
     if conflict.worst is not None:
         rows += _smallest(conflict.worst, pair, scene, start)

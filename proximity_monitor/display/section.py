@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import viser
 
-from proximity_monitor.display.geometry import rotate
+from proximity_monitor.display.geometry import conjugate, rotate
 from proximity_monitor.display.inks import EDGE
 from proximity_monitor.display.part_view import PartView
 from proximity_monitor.display.parts import Parts
@@ -37,7 +37,7 @@ class Plane(NamedTuple):
 
     def seen_from(self, pose: np.ndarray, scale: float) -> Plane:
         """Return the plane in the frame of a body at a pose (7,) in metres."""
-        back = pose[3:] * (1.0, -1.0, -1.0, -1.0)
+        back = conjugate(pose[3:])
         return Plane(rotate(back, self.middle - pose[:3] * scale), rotate(back, self.normal))
 
 
