@@ -228,7 +228,6 @@ class Page:
         self._client.scene.reset()
         self._choice.ignored = frozenset()
         self._choice.pair = self._choice.body = self._choice.at_s = None
-        self.hand.begin(news.scene.key)
         self._filters.begin(news.scene)
         focal = View.of(self._client.camera).focal
         self._parts = Parts(self._client, news.scene, news.parts, focal)
@@ -238,6 +237,7 @@ class Page:
         self._labels = Labels(self._client.scene, "/distances")
         self._inspect.begin(news.scene, self._parts)
         self._move.begin(news.scene, self._parts)
+        self.hand.begin(news.scene.key)
         self._look_at_all(news.frame)
         self._client.gui.set_panel_label(news.scene.name)
         self._about.content = f"<div class='pm pm-dim'>{escape(news.scene.description)}</div>"
