@@ -52,6 +52,10 @@ class Conflicts:
         """The decisions, those that are not written yet as well."""
         return self._known | {key: told for key, (_, told) in self._unsaved.items()}
 
+    def is_written(self, pair: PairName) -> bool:
+        """Return whether what is decided about a pair, if anything, is in the file."""
+        return frozenset(pair) not in self._unsaved
+
     def decide(self, pair: PairName, decision: Decision) -> None:
         """Take a decision; `follow` writes it. Any thread may call."""
         with self._lock:

@@ -109,5 +109,6 @@ class Deciding:
         elif self._choice.at_s is not None:
             then = clearance(self._pairs, row, scene.unit)
             more += f"; what you keep is about this moment: {then}"
-        path = self._conflicts.path
-        return f"{line}{more}" + (f"; kept in {path}" if path is not None else "")
+        if (path := self._conflicts.path) is not None:
+            more += f"; {'kept' if self._conflicts.is_written(self._pair) else 'not yet'} in {path}"
+        return f"{line}{more}"

@@ -46,7 +46,9 @@ def test_a_decision_is_kept_beside_the_scene_and_known_to_the_next_display(scene
     one = following(scene)
     assert (one.all, one.problem, one.path) == ({}, "", beside)
     one.decide(PAIR, FITS)
+    assert not one.is_written(PAIR)
     one.follow(scene, 0.0)
+    assert one.is_written(PAIR[::-1])
     assert following(scene).all == {frozenset(PAIR): FITS}
     assert [path.name for path in beside.parent.iterdir() if path.name != "cell.yaml"] == [
         beside.name
