@@ -20,15 +20,11 @@ from ..base.trees import NONE
 from .around import part_around
 from .bound import bends, facing, half_of, sector_of
 from .bounded import MINIMUM_STEPS, fineness, gap_along, halves_of, part_off, prove
-from .coaxial import ALIKE, bends_about_axis
 from .front import begin_front, end_front, keep_ring
 from .heap import drop_ring
 from .minima import SMALL, find_minimum, measure_rings, nearest_minimum, relative
 from .newton import derivatives_at
 from .reach import arc_at
-
-_ALIKE = 0.05
-"""Share of the longer chord: see `_is_alike`."""
 
 _SHORT = 1e-13
 """Share of the models' sizes below which an arc is not halved."""
@@ -65,7 +61,13 @@ def _take_apart(tree_a, tree_b, state, motion):
     steps = 1
     if arc_a.curve != NONE and arc_b.curve != NONE and half <= SMALL:
         if find_minimum(state, arc_a.curve, arc_b.curve) == NONE:
-            _look(tree_a, tree_b, state, motion, arc_a, arc_b, angle, half, sector)
+            _, _, _, at = facing(arc_a, arc_b, sector, half, motion)
+            s = arc_a.low + 0.5 * (1.0 + at[0]) * (arc_a.high - arc_a.low)
+            t = arc_b.low + 0.5 * (1.0 + at[1]) * (arc_b.high - arc_b.low)
+            measure_rings(
+                tree_a, tree_b, state, motion, arc_a.curve, arc_b.curve, s, t,
+                angle + at[2] * half,
+            )  # fmt: skip
             steps += MINIMUM_STEPS
         least = prove(tree_a, tree_b, state, motion, arc_a, arc_b, angle, half)
         steps += 1
@@ -93,17 +95,11 @@ def _take_apart(tree_a, tree_b, state, motion):
                 break
             long_b = 0.0
     else:
-        around = -1.0  # nothing is left to halve
-    single = arc_a.curve != NONE and arc_b.curve != NONE and of_a == NONE and of_b == NONE
-    if single and (around < 0.0 or _is_alike(arc_a, arc_b, sector, motion)):
-        if around < 0.0 or find_minimum(state, arc_a.curve, arc_b.curve) == NONE:
-            _look(tree_a, tree_b, state, motion, arc_a, arc_b, angle, half, sector)
-            steps += MINIMUM_STEPS
-        bound = max(bound, _along_own(tree_a, tree_b, state, motion, a, b, sector))
-    if around < 0.0 or bound >= progress.limit:
-        progress.least_cells = min(progress.least_cells, bound)
+        bound = max(bound, _along_own(tree_a, tree_b, state, motion, a, b, angle, half, sector))
+        if bound < progress.limit:
+            progress.least_cells = min(progress.least_cells, bound)
         progress.parted = NONE
-        return steps
+        return steps + MINIMUM_STEPS
     for k in range(2):
         next_a, next_b, next_angle, next_half, next_sector = a, b, angle, half, sector
         if of_a != NONE:
@@ -119,37 +115,22 @@ def _take_apart(tree_a, tree_b, state, motion):
     return steps
 
 
-@inlined
-def _is_alike(arc_a, arc_b, sector, motion):
-    """Whether two pieces are long beside what b varies all around, as about one axis.
-
-    Where such chords are at an angle, `facing` may be far off: it does not even see that they
-    cross, and to part the sector does not help.
-    """
-    if not abs(motion[8]) > ALIKE:
-        return False
-    length = max(arc_a.length, arc_b.length)
-    return bends_about_axis(arc_b, sector, motion)[1] <= _ALIKE * length
-
-
 @kernel
-def _look(tree_a, tree_b, state, motion, arc_a, arc_b, angle, half, sector):
-    """Look for the minimum of two pieces near where their chords face each other in a sector."""
+def _along_own(tree_a, tree_b, state, motion, a, b, angle, half, sector):
+    """A lower bound of a pair of which nothing is left to halve, along the way at its own minimum.
+
+    That is looked for here: where chords are long and at an angle, `facing` may be far off, so that
+    they seem too far apart to look for it even if they cross. Minus infinity where there is none.
+    """
+    arc_a = arc_at(tree_a.arcs, state.waiting.arcs_a, a)
+    arc_b = arc_at(tree_b.arcs, state.waiting.arcs_b, b)
+    if arc_a.curve == NONE or arc_b.curve == NONE:
+        return -np.inf
     _, _, _, at = facing(arc_a, arc_b, sector, half, motion)
     s = arc_a.low + 0.5 * (1.0 + at[0]) * (arc_a.high - arc_a.low)
     t = arc_b.low + 0.5 * (1.0 + at[1]) * (arc_b.high - arc_b.low)
     angle += at[2] * min(half, 1.0)
     measure_rings(tree_a, tree_b, state, motion, arc_a.curve, arc_b.curve, s, t, angle)
-
-
-@kernel
-def _along_own(tree_a, tree_b, state, motion, a, b, sector):
-    """A lower bound of two pieces along the way at their minimum that is known.
-
-    Minus infinity where they cross.
-    """
-    arc_a = arc_at(tree_a.arcs, state.waiting.arcs_a, a)
-    arc_b = arc_at(tree_b.arcs, state.waiting.arcs_b, b)
     found = state.waiting.minima[find_minimum(state, arc_a.curve, arc_b.curve)]
     curve_a, curve_b = tree_a.curves[arc_a.curve], tree_b.curves[arc_b.curve]
     way, (_, x, y), _, _, _, _, _ = derivatives_at(
