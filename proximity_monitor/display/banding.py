@@ -20,6 +20,9 @@ from proximity_monitor.display.state import STALE, Frame, SceneInfo
 EVERY_S = 0.5
 """Seconds between two parts' bands at least."""
 
+LONGEST_S = 5.0
+"""Seconds for the bands of one part at most, where it and all near it rest."""
+
 COLOURS = ((213, 94, 0), (230, 159, 0), (86, 180, 233), (150, 150, 155))
 """By band: below stop, below warn, above, not known. They differ in lightness, too."""
 
@@ -41,6 +44,7 @@ class _Job(NamedTuple):
     name: str
     near: _Near
     stamp_s: float
+    budget_s: float
     answer: Future
 
 
@@ -58,6 +62,7 @@ class Banding:
         self._near: dict[str, _Near] = {}  # of what was seen last
         self._made: dict[str, tuple[_Near | None, float]] = {}  # of what, and from which tick
         self._job: _Job | None = None
+        self._again: dict[str, tuple[_Near, float]] = {}  # of what, and with how many seconds
         self._due_s = 0.0
         self._behind_s = 0.0
         # How far along each the colours may be off, and how far its shape and those near it may.
@@ -102,7 +107,10 @@ class Banding:
         if self._job is None and old and now_s >= self._due_s:
             self._due_s = now_s + EVERY_S
             name = min(old, key=lambda each: self._made[each][1] if each in self._made else -np.inf)
-            self._job = _Job(name, near[name], frame.stamp_s, _WORKER.submit(_bands, near[name]))
+            of, more_s = self._again.get(name, (None, 0.0))
+            budget_s = more_s if of == near[name] else bands.BUDGET_S
+            answer = _WORKER.submit(_bands, near[name], budget_s)
+            self._job = _Job(name, near[name], frame.stamp_s, budget_s, answer)
 
     def legend(self) -> str:
         """Return what the colours mean, as HTML; empty: there are none."""
@@ -155,11 +163,15 @@ class Banding:
         return part, None if pose is None else pose.tobytes()
 
     def _draw(self, job: _Job) -> None:
-        corners, of, *off = job.answer.result()  # an error is the page's
+        corners, of, *off, cut = job.answer.result()  # an error is the page's
         self._sampled_m[job.name] = tuple(off)
         scale = self._parts.scale
-        # What there was no time for is tried again.
-        self._made[job.name] = (None if _is_cut(job.near, of) else job.near, job.stamp_s)
+        # What there was no time for is tried again with more, as on a machine that was busy.
+        again = cut and (job.budget_s < LONGEST_S or bool((of == bands.UNKNOWN).any()))
+        self._made[job.name] = (None if again else job.near, job.stamp_s)
+        self._again.pop(job.name, None)
+        if again:
+            self._again[job.name] = job.near, min(2.0 * job.budget_s, LONGEST_S)
         coats = [
             Coat(corners[of == band].reshape(-1, 3) * scale, colour)
             for band, colour in enumerate(COLOURS)
@@ -172,11 +184,7 @@ def _is_placed(near: _Near) -> bool:
     return own is not None and all(pose is not None for _, pose, _, _ in others)
 
 
-def _is_cut(near: _Near, of: np.ndarray) -> bool:
-    return _is_placed(near) and bool((of == bands.UNKNOWN).any())
-
-
-def _bands(near: _Near) -> bands.Bands:
+def _bands(near: _Near, budget_s: float) -> bands.Bands:
     (part, own), others = near
     corners = part.corners.reshape(-1, 3, 3)
     if not _is_placed(near):
@@ -191,4 +199,4 @@ def _bands(near: _Near) -> bands.Bands:
         )
         for other, pose, point, limits in others
     ]
-    return bands.bands(corners, told, off=part.off)
+    return bands.bands(corners, told, budget_s, part.off)

@@ -91,6 +91,8 @@ class Bands(NamedTuple):
     off_m: float
     """How far the shapes may be off, both together; 0: no band depends on it; inf: not known.
     Every band is certain where this and `sampled_m` are 0."""
+    cut: bool = False
+    """Whether the time was over before all was known as well as it may be."""
 
 
 def bands(
@@ -108,13 +110,14 @@ def bands(
         engine.closest_points(other.model, other.pose, np.zeros((1, 3)), signed=True)
     ends = time.monotonic() + budget_s
     size = float(np.ptp(corners.reshape(-1, 3), axis=0).max()) if len(corners) else 0.0
-    done, of_done, sampled_m, off_m = [], [], 0.0, 0.0
+    done, of_done, sampled_m, off_m, cut = [], [], 0.0, 0.0, False
     most_off = max((off + other.off for other in others), default=0.0)
     while True:
         middle, radius = _ball(corners)
         alike, certain, in_vain, band = _judged(middle, radius, others, off, ends)
         final = certain | (alike & in_vain) | (radius <= FINEST * size)
         over = time.monotonic() >= ends
+        cut |= bool((band == UNKNOWN).any()) or (over and not final.all())
         if over or len(corners) + sum(map(len, done)) > MOST:
             final[:] = True
         sampled_m = max(sampled_m, float(radius[final & ~alike].max(initial=0.0)))
@@ -124,7 +127,7 @@ def bands(
         of_done.append(band[final])
         corners = _divided(corners[~final])
         if not len(corners):
-            return Bands(np.concatenate(done), np.concatenate(of_done), sampled_m, off_m)
+            return Bands(np.concatenate(done), np.concatenate(of_done), sampled_m, off_m, cut)
 
 
 def _ball(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

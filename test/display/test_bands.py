@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,11 +11,13 @@ import ticks
 pytest.importorskip("viser", reason="viser is not installed: pip install '.[display]'")
 
 from proximity_monitor import engine
+from proximity_monitor.display import bands as bands_of
 from proximity_monitor.display.banding import Banding
 from proximity_monitor.display.bands import (
     ABOVE,
     BELOW_STOP,
     BELOW_WARN,
+    BUDGET_S,
     FINEST,
     UNKNOWN,
     Other,
@@ -54,7 +57,7 @@ def area(corners):
 
 def test_a_point_over_the_middle_of_a_plate_makes_bands_where_the_plate_has_no_corner():
     place = np.array([0.7, 1.1, 0.05])
-    corners, of, sampled_m, _ = bands(PLATE, [point(*place)], budget_s=60.0)
+    corners, of, sampled_m, *_ = bands(PLATE, [point(*place)], budget_s=60.0)
     assert area(corners).sum() == pytest.approx(4.0)
     assert 0.0 < sampled_m <= 2.0 * FINEST
     far = distances(corners, place, np.random.default_rng(3))
@@ -65,7 +68,7 @@ def test_a_point_over_the_middle_of_a_plate_makes_bands_where_the_plate_has_no_c
 
 
 def test_where_no_point_is_near_a_limit_every_band_is_certain():
-    _, of, sampled_m, _ = bands(PLATE, [point(0.5, 0.5, 0.4)], budget_s=60.0)
+    _, of, sampled_m, *_ = bands(PLATE, [point(0.5, 0.5, 0.4)], budget_s=60.0)
     assert (of == ABOVE).all()
     assert sampled_m == 0.0
 
@@ -73,7 +76,7 @@ def test_where_no_point_is_near_a_limit_every_band_is_certain():
 def test_a_fit_is_clear_although_its_gap_is_finer_than_the_finest_triangle():
     above = part(PLATE + np.array([0.0, 0.0, 1e-3]))
     tight = Other(model_of(above, False), np.eye(4), Thresholds(6e-4, 1e-4, 0.0))
-    _, of, sampled_m, _ = bands(PLATE, [tight], budget_s=60.0)
+    _, of, sampled_m, *_ = bands(PLATE, [tight], budget_s=60.0)
     assert (of == ABOVE).all()
     assert 1e-3 < sampled_m <= 2.0 * FINEST
 
@@ -83,17 +86,19 @@ def test_the_worst_of_all_parts_counts_each_with_its_own_limits():
         point(0.5, 0.5, 0.2, limits=Thresholds(0.25, 0.22, 0.0)),
         point(0.5, 0.5, 0.15, limits=Thresholds(0.1, 0.05, 0.0)),
     ]
-    _, of, _, _ = bands(PLATE, there, budget_s=60.0)
+    of = bands(PLATE, there, budget_s=60.0).band
     assert (of == BELOW_STOP).any()
-    _, of, _, _ = bands(PLATE, there[1:], budget_s=60.0)
+    of = bands(PLATE, there[1:], budget_s=60.0).band
     assert (of == ABOVE).all()
     assert (bands(PLATE, []).band == ABOVE).all()
 
 
 def test_without_time_nothing_is_said_to_be_above():
     many = np.concatenate([PLATE] * 20_000)
-    _, of, _, _ = bands(many, [point(9.0, 9.0, 9.0)] * 3, budget_s=0.0)
+    of = bands(many, [point(9.0, 9.0, 9.0)] * 3, budget_s=0.0).band
     assert (of == UNKNOWN).sum() > len(many) // 2
+    assert bands(PLATE, [point(1.0, 1.0, 0.1)], budget_s=0.0).cut
+    assert not bands(PLATE, [point(1.0, 1.0, 0.1)], budget_s=60.0).cut
     assert (of != BELOW_STOP).all()
 
 
@@ -110,7 +115,7 @@ def test_what_is_inside_a_solid_is_below_stop():
     assert model.is_solid
     assert model_of(solid, False) is model
     turned = matrix(np.array([0.3, 0, 0, 0.6, 0, 0.8, 0]))
-    _, of, _, _ = bands(PLATE, [Other(model, turned, LIMITS)], budget_s=60.0)
+    of = bands(PLATE, [Other(model, turned, LIMITS)], budget_s=60.0).band
     assert (of == BELOW_STOP).all()
 
 
@@ -146,7 +151,7 @@ def test_what_is_no_solid_is_clear_inside():
     low = np.array([[-5.0, -5, -5]])
     box = engine.shapes.box([10, 10, 10], solid=False).display_mesh(0.0).corners()
     part = Part(HERE, np.ones(4), box.reshape(-1, 3), solid=False)
-    _, of, _, _ = bands(PLATE + low * 0.2, [other(part, 0, 0, 0)], budget_s=60.0)
+    of = bands(PLATE + low * 0.2, [other(part, 0, 0, 0)], budget_s=60.0).band
     assert (of == ABOVE).all()
 
 
@@ -188,3 +193,32 @@ def test_what_bands_depend_on_is_looked_up_once_a_tick_and_only_near_the_part(mo
     assert sorted(name for name, *_ in looked) == ["a", "b", "c", "d"]
     banding.show(scene, replace(told, stamp_s=2.0), parts, ["b"], 0.0)
     assert len(looked) == 7
+
+
+class Coats(dict):
+    """What is drawn of parts, without a browser."""
+
+    scale = 1.0
+
+    def __missing__(self, name):
+        return SimpleNamespace(coat=lambda api, coats: self.__setitem__("drawn", coats))
+
+
+def test_bands_that_time_has_cut_are_made_again_with_more_of_it(monkeypatch):
+    """Else they stayed as coarse as a busy machine had made them, for as long as all rests."""
+    given, make = [], bands_of.bands
+
+    def made(corners, others, budget_s, off):
+        given.append(budget_s)
+        return make(corners, others, 60.0 if len(given) > 3 else 0.0, off)
+
+    monkeypatch.setattr(bands_of, "bands", made)
+    told, (scene, _) = ticks.frame(1.0, [0.2], names=(("a", "b"),)), ticks.scene_and_frame()
+    told = replace(told, poses=np.array([HERE, [0, 0, 0.2, 1, 0, 0, 0]]))
+    scene = replace(scene, bodies=tuple(replace(scene.bodies[0], name=name) for name in "ab"))
+    banding, parts = Banding(None, Coats(), scene), [part(PLATE), part(PLATE + 0.1)]
+    for step in range(8):
+        banding.show(scene, told, parts, ["a"], float(step))
+        if banding._job is not None:
+            banding._job.answer.result()
+    assert given == [BUDGET_S, 2 * BUDGET_S, 4 * BUDGET_S, 8 * BUDGET_S]
