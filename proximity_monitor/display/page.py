@@ -305,8 +305,10 @@ class Page:
         """Do what was pressed at a pair; one that is not there was not pressed, or has gone."""
         choice, bodies = self._choice, self._shown.scene.names
         pair = as_pair(name)
-        if what == "conflict" and pair is not None and set(pair) <= set(bodies):
-            self._conflict_list.go(pair)
+        if what == "conflict":
+            if pair is not None and set(pair) <= set(bodies):
+                self._conflict_list.go(pair)
+            return
         if pair not in self._shown.frame.pairs.places and pair not in choice.ignored:
             return
         if what == "ignore":

@@ -143,6 +143,28 @@ def test_parts_in_other_files_are_refused(tmp_path, text):
         load(tmp_path, text.replace("DATA;", anchors, 1))
 
 
+@pytest.mark.parametrize("documented", [False, True])
+def test_a_part_that_has_a_document_in_place_of_a_shape_is_refused(tmp_path, text, documented):
+    """Its file's name may tell nothing. A part without either is empty, as planners leave some."""
+    whole = re.search(
+        r"#\d+ = NEXT_ASSEMBLY_USAGE_OCCURRENCE\('[^']*','[^']*','[^']*',(#\d+)", text
+    )[1]
+    definition = re.search(r"= PRODUCT_DEFINITION\('design','',(#\d+),(#\d+)\)", text)
+    wheel = (
+        "#9000 = PRODUCT('wheel','wheel','',());\n"
+        "#9001 = PRODUCT_DEFINITION_FORMATION('','',#9000);\n"
+        f"#9002 = PRODUCT_DEFINITION('design','',#9001,{definition[2]});\n"
+        f"#9003 = NEXT_ASSEMBLY_USAGE_OCCURRENCE('9','wheel','',{whole},#9002,$);\n"
+        "#9004 = DOCUMENT_FILE('WHEEL-7','',$,#9005,'',$);\n#9005 = DOCUMENT_TYPE('');\n"
+    )
+    if documented:
+        file = added(text, wheel + "#9006 = APPLIED_DOCUMENT_REFERENCE(#9004,'',(#9002));\n")
+        with pytest.raises(engine.ModelError, match="part 'wheel' has a document in place of a"):
+            load(tmp_path, file)
+    else:
+        assert len(load(tmp_path, added(text, wheel)).nets) == 15
+
+
 HARMLESS = {
     "a document's number": "#9000 = DOCUMENT_FILE('DOC-00123','',$,#9001,'',$);\n"
     "#9001 = DOCUMENT_TYPE('');\n",

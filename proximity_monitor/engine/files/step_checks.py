@@ -59,6 +59,11 @@ class StepChecks:
                 self._check_items(part, representation)
         for occurrence in text.of("NEXT_ASSEMBLY_USAGE_OCCURRENCE"):
             part = self._part_of(occurrence)
+            if part in self._documented and not self._count(part):
+                raise FormatError(
+                    f"part {self._called(part)!r} has a document in place of a shape: if it is in "
+                    "another file, which is not read, save the assembly as one file"
+                )
             if occurrence not in self._placed and self._count(part):
                 raise FormatError(
                     f"part {self._called(part)!r}: nothing says where its occurrence "
@@ -79,6 +84,14 @@ class StepChecks:
     @cached_property
     def _definitions(self) -> list[int]:
         return self._text.of("PRODUCT_DEFINITION", "PRODUCT_DEFINITION_WITH_ASSOCIATED_DOCUMENTS")
+
+    @cached_property
+    def _documented(self) -> set[int]:
+        """The parts that documents belong to, such as a file with their shape."""
+        links = self._text.of("APPLIED_DOCUMENT_REFERENCE", "CC_DESIGN_SPECIFICATION_REFERENCE")
+        named = {each for link in links for each in self._text.named(link)}
+        named |= {*self._text.of("PRODUCT_DEFINITION_WITH_ASSOCIATED_DOCUMENTS")}
+        return named.intersection(self._definitions)
 
     @cached_property
     def _owners(self) -> dict[int, int]:
