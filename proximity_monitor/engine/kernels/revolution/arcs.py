@@ -1,9 +1,10 @@
-"""Fat arcs: arcs of circles, each as thick as the part of the profile that it stands for demands.
+"""Fat arcs: circular arcs, each as thick as it has to be to hold its part of the profile.
 
-Sederberg, White and Zundel 1989; as bounds of solids of revolution Son, Yoon, Kim and Elber 2020,
-sections 3 and 4. An arc's error falls eight times where a part is cut into halves, that of its
-chord four times, and what an arc reaches along a direction is known exactly. So arcs need not be
-smooth where they meet, as biarcs are: one runs through both ends and the middle of a part.
+Sources: Sederberg, White and Zundel 1989; for bounds of solids of revolution Son, Yoon, Kim and
+Elber 2020, sections 3 and 4. When a part is halved, the error of its arc falls to an eighth, that
+of its chord only to a quarter. The reach of an arc along a direction is known exactly. So arcs need
+not be smooth where they meet, as biarcs are: each arc runs through both ends and the middle of its
+part.
 """
 
 from __future__ import annotations
@@ -19,24 +20,25 @@ from ..base.trees import NONE
 from .profile import jet_of, put_part
 
 _ROUNDING = 2048.0 * DOUBLE_EPS
-"""What rounding may do to an arc's error, as a share of the largest coordinate P.
+"""What rounding may add to an arc's error, as a share of the largest coordinate P.
 
-De Casteljau's method moves control points by less than 4 u P a degree and direction, 120 u P; the
-point of the middle and the chord err by as much. The square of a distance from the centre, within
-the chord's own frame, errs by less than 64 u times the chord's length squared, and its quotient by
-a radius, no less than half the chord, by less than 128 u P.
+De Casteljau's method moves control points by less than 4 u P for each degree and direction, that is
+120 u P. The middle point and the chord err by as much. In the chord's own frame, the squared
+distance from the centre errs by less than 64 u times the squared length of the chord. The quotient
+by the radius, which is at least half the chord, errs by less than 128 u P.
 """
 
 _CURVED, _BENT = 1e-7, 0.1
-"""How far an arc has to bulge, as a share of its chord; below the chord stands for it. And the
-least cosine of half its angle: else it is too large a part of a circle to be worth it."""
+"""An arc that bulges by no more than _CURVED of half its chord is replaced by the chord. So is an
+arc whose half angle has a cosine of no more than _BENT: it is too large a part of a circle to be
+useful."""
 
 _CHOOSE = np.array([[float(math.comb(n, k)) for k in range(31)] for n in range(31)])
 
 
 @kernel
 def fit_arc(curve, low, high, size, arc):
-    """Write the fat arc around a part of a piece; `size` is P of _ROUNDING, metres."""
+    """Fit a fat arc to a part of a piece and write it to `arc`; `size` (m) is P of `_ROUNDING`."""
     rows = table_on_stack(16, 3, 0.0)
     put_part(curve, low, high, rows)
     degree = curve.degree
@@ -54,7 +56,7 @@ def fit_arc(curve, low, high, size, arc):
         along = (point[0] - mx) * ux + (point[1] - mz) * uz
         bulge = (point[1] - mz) * ux - (point[0] - mx) * uz
         if abs(bulge) > _CURVED * half:
-            # The centre is where points of the chord's frame (along, across) are (0, across).
+            # In the chord's frame (along, across) the centre is at (0, across).
             across = (bulge * bulge + along * along - half * half) / (2.0 * bulge)
             radius = np.sqrt(half * half + across * across)
             side = 1.0 if bulge > 0.0 else -1.0
@@ -78,10 +80,10 @@ def fit_arc(curve, low, high, size, arc):
 
 @kernel
 def _arc_error(rows, degree, mx, mz, ux, uz, half, across, radius, side):
-    """How much a part's squared distance from the centre differs from the squared radius, at most.
+    """Return a bound of |d² - r²| over a part; d is the distance from the centre, r the radius.
 
-    That difference is a rational Bezier function of twice the degree, and so no larger than its
-    largest coefficient. With a distance d from the centre, |d² - r²| = |d - r| (d + r).
+    d² - r² is a rational Bezier function of twice the degree, so it is no larger than its largest
+    coefficient. Since |d² - r²| = |d - r| (d + r), the caller divides it by r to bound |d - r|.
     """
     most = 0.0
     x, y, w = on_stack(16, 0.0), on_stack(16, 0.0), on_stack(16, 0.0)
@@ -104,7 +106,7 @@ def _arc_error(rows, degree, mx, mz, ux, uz, half, across, radius, side):
 
 @kernel
 def _is_before(rows, degree, mx, mz, ux, uz, across, side):
-    """Whether all control points are on the side of the centre that the arc is on."""
+    """Return whether all control points are on the same side of the centre as the arc."""
     for i in range(degree + 1):
         dx, dz = rows[i, 0] / rows[i, 2] - mx, rows[i, 1] / rows[i, 2] - mz
         if not side * (dz * ux - dx * uz - across) > 0.0:
@@ -114,7 +116,7 @@ def _is_before(rows, degree, mx, mz, ux, uz, across, side):
 
 @kernel
 def _beyond(rows, degree, mx, mz, ux, uz, across, arc):
-    """How far a control point lies beyond either radius at an arc's ends, at most, metres."""
+    """Return how far, at most, a control point lies beyond the radii at an arc's ends, metres."""
     most = 0.0
     for i in range(degree + 1):
         dx, dz = rows[i, 0] / rows[i, 2] - mx, rows[i, 1] / rows[i, 2] - mz
@@ -126,7 +128,7 @@ def _beyond(rows, degree, mx, mz, ux, uz, across, arc):
 
 @kernel
 def _chord_error(rows, degree, mx, mz, ux, uz, half):
-    """How far a control point lies from a chord, at most, metres."""
+    """Return the largest distance of a control point from a chord, metres."""
     most = 0.0
     for i in range(degree + 1):
         dx, dz = rows[i, 0] / rows[i, 2] - mx, rows[i, 1] / rows[i, 2] - mz
@@ -137,11 +139,11 @@ def _chord_error(rows, degree, mx, mz, ux, uz, half):
 
 @kernel
 def _put_limits(curve, low, high, arc):
-    """Write limits of the first three derivatives over a part and half as much on either side.
+    """Write limits of the first three derivatives over a part and half its length beyond each end.
 
-    They are those of the control points' differences; with weights, by the quotient rule for C =
-    N / W: with c the largest distance from a point that N is measured from, |C'| <= (|N'| + c |W'|)
-    / W, |C''| <= (|N''| + 2 |C'| |W'| + c |W''|) / W, and so on.
+    The limits come from differences of the control points. With weights, the quotient rule for C =
+    N / W gives them: with c the largest distance from the point that N is measured from, |C'| <=
+    (|N'| + c |W'|) / W, |C''| <= (|N''| + 2 |C'| |W'| + c |W''|) / W, and so on.
     """
     rows = table_on_stack(16, 3, 0.0)
     begin = max(low - 0.5 * (high - low), 0.0)
@@ -169,7 +171,7 @@ def _put_limits(curve, low, high, arc):
 
 @kernel
 def _largest_difference(rows, degree, order):
-    """What a derivative of that order is at most, by its control points: of N, and of W."""
+    """Return bounds of the derivatives of that order of N and of W, by the control points."""
     if order > degree:
         return 0.0, 0.0
     factor = float(degree)
@@ -186,7 +188,7 @@ def _largest_difference(rows, degree, order):
 
 @kernel
 def _difference(rows, i, order):
-    """The difference of that order, forward from row i."""
+    """Return the forward difference of that order from row i."""
     if order == 1:
         return (
             rows[i + 1, 0] - rows[i, 0],
@@ -208,7 +210,7 @@ def _difference(rows, i, order):
 
 @kernel
 def hold(curves, first, end, size, arc):
-    """Write the fat chord around several pieces: as long and thin as their control points allow."""
+    """Write the fat chord around several pieces, as long and thin as their control points allow."""
     low, high = (np.inf, np.inf), (-np.inf, -np.inf)
     for k in range(first, end):
         curve = curves[k]

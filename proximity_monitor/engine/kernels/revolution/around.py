@@ -1,9 +1,11 @@
-"""The pair of all that turns, parted around a minimum that is known.
+"""Divide the whole pair around a known local minimum.
 
-As a rule that is the nearest, and one direction is enough to tell that all but a small pair of
-rings around it is farther: what a part of a reaches is compared with where all of b begins, then
-what one piece of a reaches with where parts of b begin, last of one piece in sectors. The small
-pair is made smaller in the same way until it is proven that it holds no other minimum.
+The whole pair is both profiles over the full turn; for pairs of rings see rings.py. The minimum is
+usually the nearest one. Then one direction proves that all is farther except a small pair of rings
+around the minimum. First the reach of each part of a is compared with where b as a whole begins,
+then the reach of one piece of a with where the parts of b begin, and last with where one piece of b
+begins in sectors. The small pair is narrowed in the same way until it is proven to hold no other
+minimum.
 """
 
 from __future__ import annotations
@@ -35,17 +37,18 @@ _NEAR = 0.1
 
 _BEHIND = (math.pi - _NEAR) * (1.0 + 1e-15)
 _BEHIND_COSINE, _BEHIND_SINE = math.cos(_BEHIND), math.sin(_BEHIND)
-"""The same of the rest of all that turns."""
+"""The cosine and sine of half the angle of the rest of the turn, `_BEHIND`."""
 
 _NARROWED = 40
-"""How often the small pair is made smaller, at most."""
+"""How often the small pair is narrowed, at most."""
 
 
 @inlined
 def _half_with(tree, i, first, end, curve):
-    """Of an arc around the pieces `first` to `end`, the half with one of them; and the other.
+    """Return the half of arc i that holds the piece `curve`, and the other half.
 
-    Returns them and the first half's pieces. See `build_arcs`.
+    The arc holds the pieces `first` to `end`, which `build_arcs` has divided. Returns also the
+    range of pieces of the first half returned.
     """
     child, middle = np.int64(tree.arcs[i].child), (first + end) // 2
     if curve >= middle:
@@ -55,7 +58,7 @@ def _half_with(tree, i, first, end, curve):
 
 @kernel
 def part_around(tree_a, tree_b, state, motion, minimum):
-    """Part the pair of all that turns around a minimum; returns the steps that took."""
+    """Divide the whole pair around a minimum; return the steps taken."""
     progress, waiting = state.progress[0], state.waiting
     curve_a, curve_b = minimum.curve_a, minimum.curve_b
     s, t, angle = minimum.s, minimum.t, minimum.angle
@@ -103,10 +106,10 @@ def part_around(tree_a, tree_b, state, motion, minimum):
 
 @kernel
 def _narrow(tree_a, tree_b, state, motion, a, b, s, t, angle, sector, bound):
-    """Make a pair of rings smaller around the minimum at s, t and the angle, until that is proven.
+    """Narrow a pair of rings around a minimum until it is proven to hold no other one.
 
-    `sector` is the one that it begins with. A proof is first tried one step before it held in the
-    search before. Returns the steps that took.
+    The minimum is at s, t and the angle; `sector` is the sector to begin with. A proof is first
+    tried one step before the step at which it held in the search before. Returns the steps taken.
     """
     progress, waiting = state.progress[0], state.waiting
     own_a, own_b = waiting.arcs_a, waiting.arcs_b

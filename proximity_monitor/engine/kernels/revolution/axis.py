@@ -8,29 +8,31 @@ from ..base.jit import allocating_entry
 from .part import BOX, COLUMNS, PLACE, ROWS, copy, halve, take
 
 _DEEPEST, _MOST = 60, 1 << 16
-"""How often a piece is halved at most, and how many parts are looked at. After 30 times polynomials
-are nearer to their control points than rounding tells, so that neither is reached; it is for
-weights that differ by many powers of ten that there are more."""
+"""How often a piece is halved, and how many parts are looked at in all, at most. After 30 halvings
+a polynomial is nearer to its control points than rounding can tell, so it reaches neither limit.
+The rest is for weights that differ by many powers of ten."""
 
 _SLACK = 1e-3
-"""Share of what is allowed by which a point may be farther beyond the axis than is found: some
-units of rounding of the profile's size, within which nothing could be told."""
+"""How much farther beyond the axis a point may be than the one found, as a share of `allowed`. That
+is a few units of rounding of the profile's size; closer points cannot be told apart."""
 
 
 @allocating_entry
 def farthest_beyond(nets, degrees, allowed):
-    """The point of a profile that is farthest beyond the axis, by more than is allowed.
+    """Find the point of a profile that is farthest beyond the axis, by more than `allowed`.
 
-    No point of a part is farther beyond it than its control points. Parts of which some are are
-    halved, until none is left that may be farther beyond than the farthest end of one.
+    No point of a part is farther beyond the axis than the part's control points. So a part is
+    halved if a control point of it is farther beyond the axis than the farthest end of a part so
+    far.
 
     Args:
-        nets: (n, 16, 3) control points rho w, z w and w of its pieces.
+        nets: (n, 16, 3) control points rho w, z w and w of the profile's pieces.
         degrees: (n,) of the pieces.
         allowed: metres.
 
     Returns:
-        (i, t, rho): a piece, its parameter from 0 to 1, and metres; i is -1 if there is none.
+        (i, t, rho): the piece, the parameter on it from 0 to 1, and rho, metres; i is -1 if no
+        point is that far beyond the axis.
     """
     waiting, depths = np.empty((_DEEPEST + 4, ROWS, COLUMNS)), np.empty(_DEEPEST + 4, np.int64)
     part, looks = np.empty((ROWS, COLUMNS)), 0

@@ -1,11 +1,11 @@
-"""Lower bounds of the distance of what two fat arcs sweep, one of them in a sector alone.
+"""Lower bounds of the distance between the surfaces that two fat arcs sweep, b's only in a sector.
 
-Both turn about axes of their own. Which half-plane through a's axis a point of b lies in does not
-matter to a: the distance is that of a point (rho, z) in the plane, with rho the distance from a's
-axis. So the bounds know no angle about a's axis. Along a unit vector (n_rho, n_z) of that plane the
-gap is what b begins at beyond what a ends at, and where b begins is found along n_rho e + n_z z for
-one unit vector e across the axis: rho >= e . x, and where n_rho is negative
-rho <= e . x + y² / (2 e . x) for what lies y beside e.
+Each arc turns about its own axis. For a, it does not matter in which half-plane through a's axis a
+point of b lies: the distance is that of the point (rho, z) in the plane, with rho its distance from
+a's axis. So the bounds need no angle about a's axis. Along a unit vector (n_rho, n_z) of that
+plane, the gap is where b begins minus where a ends. Where b begins is found along n_rho e + n_z z
+for one unit vector e across the axis: rho >= e . x. If n_rho is negative, an upper bound of rho is
+used instead: rho <= e . x + y² / (2 e . x), where y is how far x lies beside e.
 """
 
 from __future__ import annotations
@@ -25,19 +25,20 @@ _SWEEPS = 2
 
 
 _SHORTER, _NORMAL = 0.01, 0.9
-"""Share of the square of a chord up to which another one is far shorter; and the sine of the angle
-with a chord from which on a direction is about normal to it."""
+"""A chord is far shorter than another if its squared length is below _SHORTER times the other's. A
+direction is about normal to a chord if the sine of the angle between them is above _NORMAL."""
 
 _WIDE, _FRONT = 3.0, 0.5
-"""Half the angle from which on a sector is all around, and that of what is parted from it."""
+"""Half the angle from which on a sector counts as the full turn, and half the angle of the part
+that is then split from it, radians."""
 
 _PIECES = 1e-3
-"""Share of half its chord that counts as a bend of an arc around several pieces."""
+"""What counts as the bend of an arc around several pieces, as a share of half its chord."""
 
 
 @inlined
 def to_b(motion, v):
-    """A vector of a's frame in that of b."""
+    """Turn a vector of a's frame into b's."""
     return (
         motion[0] * v[0] + motion[3] * v[1] + motion[6] * v[2],
         motion[1] * v[0] + motion[4] * v[1] + motion[7] * v[2],
@@ -47,11 +48,12 @@ def to_b(motion, v):
 
 @kernel
 def begin_of(tree_b, own_b, b, fine, sector, motion, normal, azimuth, wanted):
-    """Where b begins along a normal of a's plane, at that azimuth; metres.
+    """Return where b begins along a normal of a's plane, at that azimuth; metres.
 
-    Of b what lies under an arc, by arcs of errors below `fine` metres; how wide it is, which counts
-    little, is known well enough without. What is left of that beyond what a reaches, `reach_of`, is
-    a gap between both. Where it begins beyond what is wanted, that is the answer.
+    Only the part of b under the arc `b` counts, bounded by arcs with errors below `fine` metres.
+    How wide it is beside the azimuth matters little, so coarse reaches suffice for that. The result
+    minus the reach of a, `reach_of`, is a gap between both. If b begins beyond `wanted`, the result
+    is at least `wanted`, but may be less than the best bound.
     """
     n, m = normal
     found = -np.inf
@@ -80,10 +82,11 @@ def begin_of(tree_b, own_b, b, fine, sector, motion, normal, azimuth, wanted):
 
 @kernel
 def facing(arc_a, arc_b, sector, half_angle, motion):
-    """About where a's chord and b's, which turns, are nearest; a box quadratic programme.
+    """Estimate where a's chord and b's chord, which turns, are nearest: a box quadratic programme.
 
-    Returns their distance there, metres, the normal and the azimuth; and where along the chords, -1
-    to 1, and in the sector.
+    Returns their distance there, metres, the normal and the azimuth; and where the nearest points
+    are along both chords and in the sector, each -1 to 1, in the sector as a share of
+    min(half_angle, 1).
     """
     cosine, sine = sector[0], sector[1]
     rho, z = arc_b.middle[0], arc_b.middle[1]
@@ -125,8 +128,9 @@ def facing(arc_a, arc_b, sector, half_angle, motion):
     apart = np.sqrt(r0 * r0 + r1 * r1)
     if not apart > 0.0:
         return apart, (0.0, 0.0), (ex, ey), (s, t, q)
-    # What is tilted along a chord makes a bound that is worse by the tilt times its length: within
-    # the longer one, or the one of which an inner point was found, the way is normal to it.
+    # If the direction is tilted against a chord's normal, the bound is worse by the tilt times the
+    # chord's length. So the direction is made normal to the chord that has its nearest point
+    # inside; if both have, to the one that is far longer.
     n, m = r0 / apart, r1 / apart
     within_a, within_b = -1.0 < s < 1.0, -1.0 < t < 1.0
     if within_a and (not within_b or uu < _SHORTER * aa):
@@ -138,7 +142,7 @@ def facing(arc_a, arc_b, sector, half_angle, motion):
 
 @inlined
 def _normal_near(n, m, x, z, squared):
-    """The unit normal of a chord where a direction is about that; else the direction."""
+    """Return a chord's unit normal if a direction is about normal to it; else the direction."""
     across = (m * x - n * z) / np.sqrt(squared)
     if not abs(across) > _NORMAL:
         return n, m
@@ -148,7 +152,7 @@ def _normal_near(n, m, x, z, squared):
 
 @inlined
 def sector_of(angle, half):
-    """The cosine and sine of a sector's middle, and of half its angle."""
+    """Return the cosine and sine of a sector's middle, and of half its angle."""
     if half >= math.pi:
         return (1.0, 0.0, -1.0, 0.0)
     return (math.cos(angle), math.sin(angle), math.cos(half), math.sin(half))
@@ -156,9 +160,10 @@ def sector_of(angle, half):
 
 @inlined
 def half_of(angle, half, which):
-    """The middle of one of two parts of a sector, and half its angle.
+    """Return the middle of one of two parts of a sector, and half its angle.
 
-    What turns all around, or almost, is nearest in the middle: that is parted from all else.
+    In a sector of the full turn, or almost, the nearest points are expected at the middle. So a
+    part around the middle is split from the rest.
     """
     if half > _WIDE:
         if which == 0:
@@ -170,7 +175,7 @@ def half_of(angle, half, which):
 
 @inlined
 def spread_of(arc, sector, motion):
-    """How far from each other b's points in a sector are for a, about, metres."""
+    """Estimate how far apart b's points in a sector are as seen from a, metres."""
     spread = (1.0 - max(sector[2], 0.0)) * (abs(arc.middle[0]) + abs(arc.half[0]))
     if abs(motion[8]) > ALIKE:
         spread = min(spread, bends_about_axis(arc, sector, motion)[1])
@@ -179,11 +184,11 @@ def spread_of(arc, sector, motion):
 
 @inlined
 def bends(arc_a, arc_b, sector, half, motion):
-    """How far from straight the arcs are, and b's sector, metres.
+    """Return how far from straight a's arc, b's arc and b's sector are, metres.
 
-    In a's plane what is long and near a's axis is bent, too: a chord by its length's square over
-    eight times its distance. Where b's arc begins on its axis, all sectors have that point, and to
-    divide them does not help: so of circles about it the smallest counts.
+    In a's plane a long arc of b near a's axis bends, too: its chord by the squared length over
+    eight times the distance from the axis. If b's arc begins on b's axis, all sectors share that
+    point, and dividing them does not help. So the smallest circle of the arc about b's axis counts.
     """
     rho, z = arc_b.middle[0], arc_b.middle[1]
     x, y, _ = turned(motion, rho * sector[0], rho * sector[1], z)
@@ -204,9 +209,10 @@ def bends(arc_a, arc_b, sector, half, motion):
 
 @inlined
 def _apart(arc):
-    """What counts as a bend of an arc around several pieces, metres.
+    """Return what counts as the bend of an arc around several pieces, metres; 0 for a single piece.
 
-    Only of single pieces are the nearest points looked for, so straight ones must come to that.
+    Nearest points are only looked for on single pieces. So even a straight arc around several
+    pieces has to be divided down to these.
     """
     half = np.sqrt(arc.half[0] * arc.half[0] + arc.half[1] * arc.half[1])
     return _PIECES * half if arc.curve == NONE else 0.0

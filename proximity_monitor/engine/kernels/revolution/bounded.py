@@ -1,4 +1,4 @@
-"""A pair of rings, a fat arc of a that turns all around and one of b in a sector: its bounds."""
+"""Bounds of a pair of rings: a fat arc of a over the full turn and a fat arc of b in a sector."""
 
 from __future__ import annotations
 
@@ -19,51 +19,51 @@ from .minima import find_minimum, measure_rings
 from .reach import arc_at, bulge, reach_of
 
 MINIMUM_STEPS = 6
-"""Steps of a search that a search for a local minimum takes as long as."""
+"""Steps of a search that a search for one local minimum counts as."""
 
 _AROUND = 1.5
-"""How far beyond a sector its minimum may be, as a multiple of half its angle."""
+"""How far from the middle of a sector its minimum may be, as a multiple of half its angle."""
 
 _FINE = 0.5
-"""Share of the distance that was asked for as a tolerance that the errors of arcs may be."""
+"""Arcs are fine enough if their errors are below this share of the tolerance that was asked for."""
 
 _COARSE = 0.03
-"""Share of two chords' distance that they may be along the way between these."""
+"""How large the errors of arcs may be between two chords, as a share of the chords' distance."""
 
 
 @inlined
 def direction_kept(progress):
-    """The direction between the nearest points, and its azimuth."""
+    """Return the direction between the nearest points known, in a's plane, and its azimuth."""
     along = progress.along
     return (along[0], along[1]), (along[2], along[3])
 
 
 @inlined
 def fineness(progress):
-    """Up to which error arcs are looked into, metres."""
+    """Return the error below which arcs are not looked into, metres."""
     return _FINE * (progress.distance - progress.enough)
 
 
 @inlined
 def coarseness(progress, apart):
-    """The same of arcs so far apart, metres: where that is far they need not be as fine."""
+    """Return the same for arcs `apart` metres from each other: far arcs need not be as fine."""
     return max(fineness(progress), _COARSE * apart)
 
 
 @inlined
 def beyond(progress):
-    """The limit and a little more, metres: what is so far is beyond it after a few roundings, too.
+    """Return the limit plus a slack, metres: a value above it, rounded, is still above the limit.
 
-    These only matter to how much is looked into: what is given for a reach is never less than it.
+    The slack only affects how far arcs are looked into: no reach is ever returned too small.
     """
     return progress.limit + progress.bound_slack
 
 
 @inlined
 def gap_along(tree_a, tree_b, state, a, b, sector, motion, n, e, fine):
-    """The gap of a pair of rings along a direction of a's plane, but for what rounding may do.
+    """Return the gap of a pair of rings along a direction of a's plane, lowered by the slacks.
 
-    Where that is beyond the limit, how far does not matter.
+    If the gap is beyond the limit, the result may be any value beyond the limit, up to the gap.
     """
     progress, waiting = state.progress[0], state.waiting
     reach = reach_of(tree_a, waiting.arcs_a, a, fine, n[0], n[1], -np.inf)
@@ -74,13 +74,16 @@ def gap_along(tree_a, tree_b, state, a, b, sector, motion, n, e, fine):
 
 @inlined
 def gap_of_circles(progress, arc_a, arc_b, motion):
-    """The gap of the circles of two arcs, but for what rounding may do; or -infinity."""
+    """Return the gap of a pair by the circles of its arcs, lowered by the slacks; or -infinity."""
     return between_circles(arc_a, arc_b, motion) - progress.slack - progress.bound_slack
 
 
 @kernel
 def halves_of(tree, own, count, i):
-    """The first of the halves of an arc, and how many arcs there are then; NONE if none can be."""
+    """Return the first half of arc i, made if need be, and how many arcs `own` then holds.
+
+    The half is NONE if the arc cannot be halved.
+    """
     arcs = tree.arcs
     arc = arc_at(arcs, own, i)
     if arc.child != NONE:
@@ -100,10 +103,10 @@ def halves_of(tree, own, count, i):
 
 @kernel
 def bound_rings(tree_a, tree_b, state, motion, a, b, angle, half, sector, bound):
-    """Bound a pair of rings, of which `bound` is a lower bound; add it where it may be nearer.
+    """Bound a pair of rings with the lower bound `bound`; open it if it may be below the limit.
 
-    Where the arcs are nearer than all that is known, a minimum is looked for. Returns the steps
-    that it took.
+    If the arcs are near enough to improve the answer, a local minimum is looked for. Returns the
+    steps taken.
     """
     progress, waiting = state.progress[0], state.waiting
     progress.bound_tests += 1
@@ -148,7 +151,10 @@ def bound_rings(tree_a, tree_b, state, motion, a, b, angle, half, sector, bound)
 
 @inlined
 def part_off(tree_a, tree_b, state, motion, a, b, angle, half, sector, bound):
-    """Bound a part of a pair, first along the direction that is kept; as `bound_rings`."""
+    """Bound a part of a pair along the kept direction; if that does not prune it, by `bound_rings`.
+
+    Returns the steps taken.
+    """
     progress = state.progress[0]
     n, e = direction_kept(progress)
     fine = fineness(progress)
@@ -163,7 +169,7 @@ def part_off(tree_a, tree_b, state, motion, a, b, angle, half, sector, bound):
 
 @kernel
 def go_over(tree_a, tree_b, state, motion):
-    """Bound the pairs of the front, each along its own direction first; returns the steps."""
+    """Bound the pairs of the front, each along its own direction first; return the steps taken."""
     progress, front = state.progress[0], state.waiting.front
     first, steps = FRONT * progress.front_half, 0
     progress.parted = 0
@@ -185,7 +191,7 @@ def go_over(tree_a, tree_b, state, motion):
 
 @kernel
 def prove(tree_a, tree_b, state, motion, arc_a, arc_b, angle, half):
-    """A lower bound by a proof that a known minimum is the only one in a pair of rings; or -1."""
+    """Return a lower bound by proof that a pair of rings holds only a known minimum; or -1."""
     at = find_minimum(state, arc_a.curve, arc_b.curve)
     if at == NONE:
         return -1.0

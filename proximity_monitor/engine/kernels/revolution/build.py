@@ -9,15 +9,15 @@ from ..base.trees import ARC, NONE
 from .arcs import fit_arc, hold
 
 _MOST = 1 << 16
-"""Arcs of a tree at the most."""
+"""Arcs that a tree has before its pieces are no longer halved."""
 
 NARROW = 1e-9
-"""The shortest part of a piece that is cut again."""
+"""A part of a piece is not halved if its range of the parameter is no longer than this."""
 
 
 @inlined
 def put_halves(arc, one, other):
-    """Make two arcs those of the halves of an arc's part; they are still to be fitted."""
+    """Make two arcs stand for the halves of an arc's part; the caller has to fit them."""
     middle = 0.5 * (arc.low + arc.high)
     one.curve = other.curve = arc.curve
     one.low, one.high = arc.low, middle
@@ -27,15 +27,15 @@ def put_halves(arc, one, other):
 
 @allocating_entry
 def build_arcs(curves, size, precision):
-    """The tree of fat arcs around pieces of a profile, the first one around all.
+    """Build the tree of fat arcs around the pieces of a profile; the first arc holds all of them.
 
     Args:
         curves: (c,) CURVE_PIECE, one after the other along the profile.
-        size: metres; the largest coordinate of a control point.
+        size: metres; P of `_ROUNDING` in arcs.py, no less than a control point's coordinates.
         precision: metres; arcs are halved down to this error.
 
     Returns:
-        (k,) ARC. Both halves of an arc stand together.
+        (k,) ARC. The two halves of an arc are adjacent.
     """
     room = 4 * len(curves) + 256
     arcs, spans = np.empty(room, ARC), np.empty((room, 2), np.int64)

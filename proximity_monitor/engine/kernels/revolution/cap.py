@@ -1,17 +1,17 @@
 """How high a solid of revolution reaches within a ball, over a plane: see `inside/ball_caps.py`.
 
-Let o be the ball's centre, R its radius, and n the plane's normal, with the parts n_rho and n_z in
-the half-plane of o and n_t beside it; rho_o is o's distance from the axis. A point of the surface,
-(rho, z) turned by theta out of that half-plane, is at the height
+Let o be the ball's centre, R its radius, and n the plane's normal. Its parts in the half-plane of o
+are n_rho and n_z, the part perpendicular to the half-plane is n_t; rho_o is o's distance from the
+axis. A point of the surface, (rho, z) turned by theta out of that half-plane, is at the height
 
-    n . (y - o) = h + |n_rho| rho (1 - cos theta) + n_t rho sin theta     where n_rho < 0,
+    n . (y - o) = h + |n_rho| rho (1 - cos theta) + n_t rho sin theta     if n_rho < 0,
 
-h being that of (rho, z) in the half-plane; where n_rho >= 0 the second term is negative. With d the
-distance in the half-plane, |y - o|² = d² + 2 rho rho_o (1 - cos theta) <= R². So d <= R,
+with h the height of (rho, z) in the half-plane; if n_rho >= 0, the second term is negative. With d
+the distance in the half-plane, |y - o|² = d² + 2 rho rho_o (1 - cos theta) <= R². So d <= R,
 
     rho (1 - cos theta) <= min(2 rho, (R² - d²) / (2 rho_o)),
 
-and |rho sin theta| <= R. All that is left is what the profile does in a circle of radius R.
+and |rho sin theta| <= R. It remains to bound what the profile does within a circle of radius R.
 """
 
 from __future__ import annotations
@@ -27,15 +27,15 @@ from .meridian import axis_of, chord_of, from_chord, from_segment, place_in, thi
 from .reach import reach_from_middle
 
 _STACK = 128
-"""Arcs that may wait: twice as many as a tree is deep; and parts of one."""
+"""Room for arcs that wait, twice the depth of a tree, and for waiting parts of one arc."""
 
 _PARTS, _HALVES = 128, 32
-"""Parts that an arc is divided into, and how many may wait."""
+"""Parts that an arc is divided into, at most, and room for the halves that wait."""
 
 
 @inlined
 def _rise(square, distance, rho, most, steep):
-    """How much higher than in the half-plane what turns out of it may be, metres."""
+    """Return how much higher a point turned out of the half-plane may be than in it, metres."""
     if not steep > 0.0:
         return 0.0
     left = max(square - distance * distance, 0.0)
@@ -47,10 +47,10 @@ def _rise(square, distance, rho, most, steep):
 
 @kernel
 def _height_of_arc(arc, rho, z, n, radius, steep, margin, answer, fine, top):
-    """The height when an arc has been looked into as well; looks; and whether that was enough.
+    """Return the height with an arc counted as well, the looks, and whether the arc sufficed.
 
-    The arc is halved until what lies in the circle is known as closely as is asked for. That its
-    error does not allow is left to `_height_of_part`.
+    The arc is halved until the height of its part within the circle is known to `fine`. If the
+    arc's error does not allow that, `_height_of_part` has to follow.
     """
     rows = table_on_stack(_HALVES, 6, 0.0)
     rows[0, 0], rows[0, 1], rows[0, 2], rows[0, 3] = (
@@ -88,7 +88,7 @@ def _height_of_arc(arc, rho, z, n, radius, steep, margin, answer, fine, top):
             continue
         if most - seen < 4.0 * error or count + 2 > _HALVES or looks > _PARTS:
             return answer, looks, False
-        # Over the middle of a chord the arc is `rise` to its left.
+        # The arc runs `rise` to the left of the middle of its chord.
         half = np.sqrt(hx * hx + hz * hz)
         ux, uz = (hx / half, hz / half) if half > 0.0 else (1.0, 0.0)
         px, pz = 0.5 * (hx - rise * uz), 0.5 * (hz + rise * ux)
@@ -110,7 +110,7 @@ def _height_of_arc(arc, rho, z, n, radius, steep, margin, answer, fine, top):
 
 @kernel
 def _height_of_part(curve, low, high, rho, z, n, radius, steep, margin, answer, fine, top):
-    """The same of a part of a piece, by its control points: the height, and looks."""
+    """Do the same for a part of a piece, by its control points; return the height and the looks."""
     rows = table_on_stack(16, 3, 0.0)
     lows, highs = on_stack(_STACK, 0.0), on_stack(_STACK, 0.0)
     lows[0], highs[0] = low, high
@@ -153,9 +153,10 @@ def _height_of_part(curve, low, high, rho, z, n, radius, steep, margin, answer, 
 
 @shared
 def height_within(tree, o, n, radius, height, top):
-    """How high along n over o the surface reaches within `radius`, metres: a bound; and looks.
+    """Bound how high along n over o the surface reaches within `radius`, metres.
 
-    At least `height`; infinity where it is above `top`.
+    Returns the bound and the looks. The bound is at least `height`, and infinity if it is above
+    `top`.
     """
     at = place_in(tree, o, n)
     flat = (dot(n, at.across), dot(n, axis_of(tree)))
@@ -168,10 +169,10 @@ def height_within(tree, o, n, radius, height, top):
 
 @shared
 def height_in_plane(tree, rho, z, n, radius, steep, margin, height, fine, top):
-    """The same in the half-plane of (rho, z), for its vector n; a bound may be too high by `fine`.
+    """Do the same in the half-plane of (rho, z), for its vector n.
 
-    `steep` is -n_rho where what turns out of the half-plane counts and gets higher, else 0: then it
-    is the profile's height.
+    The bound may be too high by `fine`. `steep` is -n_rho if points turned out of the half-plane
+    count and are higher there. Else it is 0, and the result is the profile's height.
     """
     arcs = tree.arcs
     square = radius * radius

@@ -1,12 +1,13 @@
-"""A proof that a local minimum of two profiles that turn is the only one in a box around it.
+"""A proof that a local minimum of two turning profiles is the only one in a box around it.
 
-With d the way in a's plane from a's point to b's, n its direction at the minimum x, and tau what it
-extends beside that, |d| >= n . d + tau² / 2 U wherever |d| <= U. From x on, n . d is its tangent
-plane and half the form of a mean of its second derivatives; tau is a mean of its derivatives times
-the step. Where the sum of both forms is positive whatever these are over the box, |d| is no less
-there than the tangent plane at x, or than U. At x they are known; how much they may change over the
-box follows from limits of the next derivatives. A parameter at the end of its range, along which
-|d| falls nowhere in the box, stays.
+Let d be the vector in a's plane from a's point to b's, n its direction at the minimum x, and tau
+the part of d perpendicular to n. Then |d| >= n . d + tau² / 2 U wherever |d| <= U. Expanded at x,
+n . d is its tangent plane plus half the quadratic form of a mean of its second derivatives, and tau
+is a mean of its derivatives times the step. If the sum of both forms is positive for all means that
+are possible over the box, |d| is nowhere less than the tangent plane at x or than U, whichever is
+less. At x the derivatives are known; limits of the next derivatives tell how much they may change
+over the box. A parameter at the end of its range stays fixed if |d| does not fall along it anywhere
+in the box.
 """
 
 from __future__ import annotations
@@ -17,29 +18,33 @@ from ..base.jit import inlined, kernel
 from .newton import derivatives_at
 
 _SHARES = 4
-"""How large a part of tau² / 2 U is tried: none, all, a fifth, and last what makes up for how t and
-the angle bend n . d together. A larger one makes the Hessian more positive, and its change larger.
-"""
+"""How many shares of tau² / 2 U are tried: none, all, a fifth, and last a share that makes up for
+how t and the angle bend n . d together. A larger share makes the Hessian more positive, but the
+Hessian may then also change more."""
 
 _SPARE_SHARE = 4.0
-"""How many times that."""
+"""The last share tried is this many times the share that just makes up for that bend."""
 
 _LEAST = 0.2
-"""Share of b's distance from a's axis that has to be left of it over the box."""
+"""b's distance from a's axis has to stay above this share of its value at the minimum."""
 
 SPARE = 1e-9
-"""Share of the Hessian's entries by which it is taken for less positive, beyond all rounding."""
+"""Share of a diagonal entry of the Hessian by which the entry is lowered: more than all
+rounding."""
 
 _TILTED = 1e-15
-"""How much more axes may be tilted than a rounded motion says."""
+"""How much more the axes may be tilted than a rounded motion says."""
 
 LOST = 1e-13
-"""What rounding does to a derivative, at most, as a share of its limit."""
+"""How much rounding changes a derivative, at most, as a share of the derivative's limit."""
 
 
 @inlined
 def _positive(h, v, free_s, free_t):
-    """Whether a symmetric matrix, of which entries may change by `v`, stays positive definite."""
+    """Return whether a symmetric matrix stays positive definite if its entries change by up to `v`.
+
+    The rows of s and t are left out if these are not free.
+    """
     h00, h10, h11, h20, h21, h22 = h
     v00, v10, v11, v20, v21, v22 = v
     a, b, c = h00 - v00 - v20, h11 - v11 - v21, h22 - v22
@@ -68,13 +73,13 @@ def _positive(h, v, free_s, free_t):
 
 @inlined
 def _lost_across(h, v, g_t, g_a, end_t):
-    """By how much n . d may become less in t and the angle, each from -1 to 1; or infinity.
+    """Return by how much n . d may fall over t and the angle, each from -1 to 1; or infinity.
 
-    As two lines have them that are about parallel, t need not be a direction in which it rises. For
-    each t it is no less than its value at the angle's middle less the square of its slope there
-    over twice the least curvature k; and the slope is no more than g_a and what t makes of it, the
-    square of which is no more than twice both squares. Where t is at an end, `end_t`, what it loses
-    by its square it has gained at first.
+    Between two lines that are about parallel, n . d need not rise along t. For each t, n . d is no
+    less than its value at the middle of the angle minus the square of its slope there over twice
+    the least curvature k. The slope is at most g_a plus what t adds to it, and the square of that
+    sum is at most twice the sum of the squares. If t is at an end, `end_t`, n . d rises from there
+    with the slope g_t, which makes up for the loss by the square of t.
     """
     curved = h[5] - v[5] - SPARE * abs(h[5])
     if not curved > 0.0:
@@ -87,18 +92,18 @@ def _lost_across(h, v, g_t, g_a, end_t):
 
 @kernel
 def least_around(curve_a, curve_b, arc_a, arc_b, motion, minimum, box, upper, wanted):
-    """A lower bound of the distance over a box around a minimum, but no more than `upper`; or -1.
+    """Return a lower bound of the distance over a box around a minimum, at most `upper`; or -1.
 
     Args:
         curve_a: a's piece.
-        curve_b: b's.
-        arc_a: limits of a's derivatives hold over the box.
-        arc_b: b's.
-        motion: b to a.
+        curve_b: b's piece.
+        arc_a: an arc of a; the limits of its derivatives hold over the box.
+        arc_b: the same of b.
+        motion: (12,) from b's frame to a's.
         minimum: s, t and the angle; near a minimum, or at the end of a range.
         box: the lowest and highest s, then t, and how far the angle may differ either way.
-        upper: metres; what is farther does not matter.
-        wanted: metres; what is needed of the bound.
+        upper: metres; larger distances do not matter.
+        wanted: metres; the bound that the caller needs.
     """
     s, t, angle = minimum
     a0, a1, b0, b1, ra = box
@@ -113,7 +118,9 @@ def least_around(curve_a, curve_b, arc_a, arc_b, motion, minimum, box, upper, wa
     if not (rs > 0.0 and rt > 0.0 and ra > 0.0):
         return -1.0
     la, lb = arc_a.limits, arc_b.limits
-    # Limits of b's own derivatives, of its distance from its axis; and of what t moves across a's.
+    # Limits over the box: r0, r1 and r2 of b's distance from its axis and its derivatives by t; c1
+    # and c2 of the parts of b's derivatives across a's axis. `moved` is how far b moves across a's
+    # axis.
     r1, r2 = min(abs(radii[1]) + lb[1] * rt, lb[0]), min(abs(radii[2]) + lb[2] * rt, lb[1])
     r0 = abs(radii[0]) + r1 * rt
     tilt = (motion[2] * motion[2] + motion[5] * motion[5]) ** 0.5 + _TILTED
@@ -140,7 +147,7 @@ def least_around(curve_a, curve_b, arc_a, arc_b, motion, minimum, box, upper, wa
     v_aa += LOST * (r0 + r0 * r0 * inverse)
     (s0, s1), (h0, h1), (tt0, tt1) = first[0], first[2], second[0]
     g_s, g_t, g_a = n0 * s0 + n1 * s1, n0 * t0 + n1 * t1, n0 * h0 + n1 * h1
-    # Beside the direction.
+    # The parts perpendicular to n.
     b_s, b_t, b_a = n0 * s1 - n1 * s0, n0 * t1 - n1 * t0, n0 * h1 - n1 * h0
     d_s, d_bt, d_ba = la[1] * rs, d_t + turn * lb[0], d_a + turn * r0
     g_s, g_t, g_a = g_s * rs, g_t * rt, g_a * ra
@@ -170,7 +177,7 @@ def least_around(curve_a, curve_b, arc_a, arc_b, motion, minimum, box, upper, wa
             v00 * rs * rs, v10 * rs * rt, v11 * rt * rt, v20 * rs * ra, v21 * rt * ra, v22 * ra * ra
         )  # fmt: skip
         free_s, free_t = True, True
-        # Along a line n . d changes by the same everywhere.
+        # If a's piece is a line, n . d is linear in s.
         level = mu == 0.0 and la[1] == 0.0 and la[2] == 0.0
         if level:
             free_s = False

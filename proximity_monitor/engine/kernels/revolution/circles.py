@@ -1,13 +1,13 @@
 """The distance of two circles in space, with a certified lower bound.
 
-A point p of one circle, at an angle, is sqrt((rho - R)² + z²) from the other, which has radius R
-and stands about the axis z; rho is how far p is off that. Its square g has a minimum wherever the
-circles are nearest, up to four of them, and none that is easy to tell from the others. So the turn
-is parted into intervals, each of which has a bound by Taylor's formula with a bound of g'': where
-that is positive and g' is almost zero, as around a minimum, the bound is exact. About one axis both
-are zero, and few intervals are enough as well. All points are as far from the other circle, too,
-where the centre lies on that and the axis is its tangent, as of links of a chain: what the centre
-tells is the better bound there.
+A point p of one circle, at an angle, is sqrt((rho - R)² + z²) from the other, which has the radius
+R and the axis z; rho is the distance of p from that axis. The square g of that distance has up to
+four minima, and the least of them is not easy to tell from the others. So the full turn is divided
+into intervals. Taylor's formula with a bound of g'' gives a bound of each: if g'' is positive and
+g' is almost zero, as around a minimum, the bound is exact. If the circles have one axis, both
+derivatives are zero, and few intervals suffice as well. All points of a circle are equally far from
+the other circle also if the centre lies on the other circle and the axis is tangent to it there, as
+of links of a chain. Then the centre gives the better bound.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from ..base.memory import on_stack
 from ..base.rounding import DOUBLE_EPS
 
 _PARTS = 12
-"""Intervals of a turn that a search begins with."""
+"""Intervals of the full turn that a search begins with."""
 
 _ROOM = 64
 """Intervals that there is room for."""
@@ -31,39 +31,41 @@ _LOOKS = 512
 """Intervals that are looked at, at most."""
 
 _STEPS, _STRIDE = 8, 0.3
-"""Steps of Newton's method towards a minimum, at most, and how large these are, radians."""
+"""Steps of Newton's method towards a minimum, at most, and the largest step, radians."""
 
 _SETTLED = 1e-9
-"""Steps that are no larger, radians, are the last: the next one would be as small as rounding."""
+"""A step no larger than this, radians, is the last: the next one would be as small as rounding."""
 
 _WIDER = 4e-15
-"""By how much half an interval is larger, radians, than it would be if angles were not rounded."""
+"""How much half an interval is widened, radians, because angles are rounded."""
 
-# By how much what is computed of a point may be wrong, in units of u. With S the sum of the lengths
-# of the circles' offset and of both radii, R the radius of the point's circle and 1 + 3 u the
-# length of its axes: cosines and sines err by 2 u, so x', y' and z' by 8 u R. Of x, y and z the
-# offset errs by 5 u S besides: together 14 u S.
+# The next constants bound the errors of what is computed for a point. Let S be the sum of the
+# lengths of the circles' offset and of both radii, r the radius of the point's circle and 1 + 3 u
+# the length of its axes. Cosines and sines err by 2 u, so x', y' and z' err by 8 u r. In x, y and z
+# the offset errs by 5 u S besides: together 14 u S.
 _SLOPE = 8.0 * DOUBLE_EPS
-"""Of x', y', z' and of x'', y'', z'', as a share of R."""
+"""Error of x', y', z' and of x'', y'', z'', as a share of r."""
 
 _PLACE = 32.0 * DOUBLE_EPS
-"""Of the distance, of rho - R and of z, as a share of S: 14 u S in each of two, and roundings."""
+"""Error of the distance, of rho - R and of z, as a share of S: 14 u S in each of two, and
+roundings."""
 
 _TURN = 64.0 * DOUBLE_EPS
-"""Of rho' = (x x' + y y') / rho, as a share of S R / rho: 20 u by the point's place, 16 u by slopes
-and roundings, 22 u by the divisor."""
+"""Error of rho' = (x x' + y y') / rho, as a share of S r / rho: 20 u from the point's place, 16 u
+from slopes and roundings, 22 u from the divisor."""
 
 _BEND = 96.0 * DOUBLE_EPS
-"""Of (rho²)'' / 2, as a share of S R."""
+"""Error of (rho²)'' / 2, as a share of S r."""
 
 _REST = 8.0 * DOUBLE_EPS
-"""Of sums of a few terms, as a share of these."""
+"""Error of sums of a few terms, as a share of the terms."""
 
 
 class Circles(NamedTuple):
-    """Two circles: one of a radius about the axis z, where z is 0, and one of points.
+    """Two circles: the first about the axis z in the plane z = 0, the second with the points.
 
-    A point lies at `centre` + `radius` (cos angle · u + sin angle · v), with the smaller radius.
+    A point lies at `centre` + `radius` (cos angle · u + sin angle · v). The second radius is the
+    smaller one.
     """
 
     around: float
@@ -74,18 +76,18 @@ class Circles(NamedTuple):
     reach: float
     """How far a point is from the centre, at most."""
     size: float
-    """Of all coordinates, at least: S above."""
+    """At least S, see above, metres."""
     once: float
-    """Of the first part of rho² = a + b cos(angle - c) + d cos(2 angle - e): b."""
+    """At least b in rho² = a + b cos(angle - c) + d cos(2 angle - e)."""
     twice: float
-    """Of its second part: d."""
+    """At least d in the same formula."""
     up: float
-    """How far z is from the centre's, at most; no derivative of it is larger."""
+    """How far z differs from the centre's z, at most; it bounds each derivative of z as well."""
 
 
 @inlined
 def _first(radius, centre, u, v):
-    """How much the first part of rho² is at most."""
+    """Return b of `Circles.once`."""
     x = centre[0] * u[0] + centre[1] * u[1]
     y = centre[0] * v[0] + centre[1] * v[1]
     return 2.0 * radius * math.sqrt(x * x + y * y)
@@ -93,7 +95,7 @@ def _first(radius, centre, u, v):
 
 @inlined
 def _second(radius, u, v):
-    """The same of the second part."""
+    """Return d of `Circles.twice`."""
     uu, vv = u[0] * u[0] + u[1] * u[1], v[0] * v[0] + v[1] * v[1]
     x, y = 0.5 * (uu - vv), u[0] * v[0] + u[1] * v[1]
     return radius * radius * math.sqrt(x * x + y * y)
@@ -101,14 +103,14 @@ def _second(radius, u, v):
 
 @kernel
 def circles_of(motion, around, height, radius, other):
-    """Two circles about the axes z of two frames, a and b.
+    """Return the Circles of two circles about the axes z of two frames, a and b.
 
     Args:
         motion: (12,) from b's frame to a's, rotation by rows and translation, metres.
         around: radius of the circle about a's axis, metres.
-        height: its z, metres.
-        radius: that of the circle about b's axis, metres.
-        other: its z in b's frame, metres.
+        height: z of that circle, metres.
+        radius: radius of the circle about b's axis, metres.
+        other: z of that circle in b's frame, metres.
     """
     u, v = (motion[0], motion[3], motion[6]), (motion[1], motion[4], motion[7])
     centre = (
@@ -121,7 +123,7 @@ def circles_of(motion, around, height, radius, other):
     uu, vv = u[0] * u[0] + u[1] * u[1] + u[2] * u[2], v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
     uv = u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
     reach = radius * math.sqrt(max(uu, vv) + abs(uv)) * (1.0 + _REST)
-    # What is computed of these may be too small by a few units.
+    # Rounding may make b and d too small by a few units.
     more = _PLACE * size * radius
     return Circles(
         around, radius, centre, u, v, reach, size * (1.0 + _REST),
@@ -132,7 +134,7 @@ def circles_of(motion, around, height, radius, other):
 
 @inlined
 def point_at(circles, angle):
-    """A point of the second circle, metres, first frame with the first circle in its plane."""
+    """Return a point of the second circle, metres, in the frame with the first one at z = 0."""
     c, s = math.cos(angle), math.sin(angle)
     u, v, centre, r = circles.u, circles.v, circles.centre, circles.radius
     return (
@@ -144,7 +146,7 @@ def point_at(circles, angle):
 
 @kernel
 def _apart(circles, angle):
-    """How far a point of the second circle is from the first, metres."""
+    """Return how far a point of the second circle is from the first, metres."""
     x, y, z = point_at(circles, angle)
     off = math.sqrt(x * x + y * y) - circles.around
     return math.sqrt(off * off + z * z)
@@ -152,7 +154,7 @@ def _apart(circles, angle):
 
 @inlined
 def _least_near(circles, apart, half):
-    """The same at least, metres, in an interval around an angle at which it is `apart`.
+    """Return a bound, metres, in an interval around an angle with the distance `apart`.
 
     No point is nearer by more than the length of the way to it.
     """
@@ -161,10 +163,9 @@ def _least_near(circles, apart, half):
 
 @kernel
 def _bound(circles, angle, half):
-    """What the circles are apart at an angle, and at least in an interval around that, metres.
+    """Return the distance at an angle, and a lower bound in an interval around it, metres.
 
-    Returns also the step of Newton's method to where they are nearer, radians; 0 where g'' is not
-    positive.
+    Returns also the step of Newton's method to a nearer place, radians; 0 if g'' is not positive.
     """
     c, s = math.cos(angle), math.sin(angle)
     u, v, centre, r = circles.u, circles.v, circles.centre, circles.radius
@@ -175,7 +176,7 @@ def _bound(circles, angle, half):
     off = rho - circles.around
     apart = math.sqrt(off * off + z * z)
     place, slope = _PLACE * circles.size, _SLOPE * r
-    # Nor is any nearer to the axis by more than the way to it.
+    # The distance from the axis is bounded in the same way.
     least, low = _least_near(circles, apart, half), _least_near(circles, rho, half)
     if not low > 0.0:
         return apart, least, 0.0
@@ -195,8 +196,8 @@ def _bound(circles, angle, half):
     of_g2 += (abs(rho2) + of_rho2) * place + (2.0 * abs(z1) + slope) * slope + across * slope
     of_g2 += (abs(bz) + slope) * place
     of_g2 += _REST * (rho1 * rho1 + along * abs(rho2) + z1 * z1 + across * abs(bz))
-    # |rho'|, |rho''| and |rho'''| in the interval, by the derivatives of rho². Half of g''' is
-    # (rho - R) rho''' + 3 rho' rho'' + z z''' + 3 z' z''.
+    # Bounds of |rho'|, |rho''| and |rho'''| in the interval, by the derivatives of rho². Half of
+    # g''' is (rho - R) rho''' + 3 rho' rho'' + z z''' + 3 z' z''.
     first = min(0.5 * (circles.once + 2.0 * circles.twice) / low, circles.reach)
     second = (0.5 * circles.once + 2.0 * circles.twice + first * first) / low
     third = (0.5 * circles.once + 4.0 * circles.twice + 3.0 * first * second) / low
@@ -217,12 +218,13 @@ def _bound(circles, angle, half):
 
 @inlined
 def _around_tube(circles):
-    """How far the circles are apart at least, metres, as far as the second one's centre tells.
+    """Return a lower bound of the circles' distance, metres, from the second one's centre c alone.
 
-    It is exact where that lies on the first circle, and its axis is tangent to it there. With b the
-    way from the centre c to a point, and tau the most that b extends along that tangent, the point
-    is no less than sqrt(b² - tau²) from c in the half-plane of c. Beside that half-plane it is
-    farther from the axis by less than tau, and by less than tau² over twice its distance.
+    The bound is exact if c lies on the first circle, and the second circle's axis is tangent to the
+    first there. Let b be the vector from c to a point, and tau the most that b extends along that
+    tangent. In the half-plane of c, the point is no less than sqrt(b² - tau²) from c. A point out
+    of that half-plane is farther from the axis by less than tau, and by less than tau² over twice
+    its distance.
     """
     u, v, centre, r = circles.u, circles.v, circles.centre, circles.radius
     rho, place = math.sqrt(centre[0] * centre[0] + centre[1] * centre[1]), _PLACE * circles.size
@@ -243,7 +245,7 @@ def _around_tube(circles):
 
 @inlined
 def _towards_axis(circles):
-    """The angle of the point that is farthest from the centre on its way to the axis."""
+    """Return the angle of the point that is farthest from the centre towards the axis."""
     u, v, centre = circles.u, circles.v, circles.centre
     x, y = centre[0] * u[0] + centre[1] * u[1], centre[0] * v[0] + centre[1] * v[1]
     return math.atan2(-y, -x)
@@ -251,15 +253,16 @@ def _towards_axis(circles):
 
 @inlined
 def _is_hollow(found, k):
-    """Whether none of the neighbours of an interval's middle is nearer."""
+    """Return whether no neighbour's middle is nearer than the middle of an interval."""
     return found[k] <= found[(k + 1) % _PARTS] and found[k] <= found[k - 1]
 
 
 @kernel
 def _minimum_near(circles, angle, best, at):
-    """Go to a minimum; returns how near the nearest points known are then, metres, and their angle.
+    """Go to a minimum by Newton's method; return the least distance known, metres, and its angle.
 
-    These are `best` apart, before, at an angle. Nothing is proven by it, so it may fail.
+    `best` and `at` are the least distance known before, and its angle. Nothing is proven, so the
+    search may fail.
     """
     apart, _, step = _bound(circles, angle, 0.0)
     for _ in range(_STEPS):
@@ -274,9 +277,9 @@ def _minimum_near(circles, angle, best, at):
 
 @kernel
 def distance_of_circles(circles, spare):
-    """How far two circles are apart at least, but for `spare`, metres.
+    """Return a lower bound of the distance of two circles, usually within `spare` of it, metres.
 
-    Returns also the angle of the second circle's point that is nearest, how far that is, about, and
+    Returns also the angle of the second circle's point that is nearest, about how far that is, and
     how many intervals were looked at.
     """
     if circles.radius == 0.0:
@@ -290,7 +293,7 @@ def distance_of_circles(circles, spare):
     for k in range(_PARTS):
         if _is_hollow(found, k):
             best, at = _minimum_near(circles, (2 * k + 1) * half, best, at)
-    # Beside the axis, rho turns so fast that no step leads there.
+    # Near the axis, rho changes so fast that no step leads to this point.
     angle = _towards_axis(circles)
     if _apart(circles, angle) < best:
         best, at = _minimum_near(circles, angle, best, at)
@@ -314,7 +317,7 @@ def distance_of_circles(circles, spare):
             best, at = _minimum_near(circles, angle, best, at)
         moved = angle + step
         if low < best - spare and step != 0.0 and abs(step) <= half:
-            # Seen from the minimum, its surroundings have the best bound.
+            # The bound of an interval is best if it is taken from the minimum.
             for _ in range(2):
                 looks += 1
                 _, more, step = _bound(circles, moved, half + abs(moved - angle) + _WIDER)

@@ -1,22 +1,23 @@
-"""The point of a profile that is nearest to a given one, as near to it as is asked for.
+"""The point of a profile that is nearest to a given one, to the tolerance that is asked for.
 
-Fat arcs dismiss what is farther. Of an arc that has no halves Newton's method finds the nearest
-point, and a bound of the second order tells that no other one is nearer by more than is tolerated.
+Fat arcs prune what is farther. On an arc without halves, Newton's method finds the nearest point,
+and a bound of the second order proves that no other point is nearer by more than the tolerance.
 
-Let D(s) be the way from the point p to C(s), n a unit vector along it at a parameter t, and tau
-what D extends beside n. Where |D| <= U,
+Let D(s) be the vector from the point p to C(s), n a unit vector along it at a parameter t, and tau
+the part of D perpendicular to n. If |D| <= U,
 
     |D| >= n . D + tau² / 2 U,
 
-because |D| - n . D = tau² / (|D| + n . D); and where |D| > U >= |D(t)| there is nothing to prove.
-With x = s - t, n . D is n . (D(t) + C' x + C'' x² / 2) but for l3 |x|³ / 6, and tau is tau(t) + b x
-but for l2 x² / 2, where l2 and l3 limit the second and the third derivative. So with |x| <= w
+because |D| - n . D = tau² / (|D| + n . D); and if |D| > U >= |D(t)|, there is nothing to prove.
+With x = s - t, n . D is n . (D(t) + C' x + C'' x² / 2) up to l3 |x|³ / 6, and tau is tau(t) + b x
+up to l2 x² / 2, where b is the part of C' perpendicular to n, and l2 and l3 limit the second and
+the third derivative. So with |x| <= w
 
     |D| >= |D(t)| + g x + m x² / 2 - 2 |tau(t)| (|b| w + l2 w² / 2) / 2 U,
     g = n . C',  m = n . C'' + b² / U - (l3 / 3 + |b| l2 / U) w,
 
-whose minimum over the arc's part is known. U is no less than l1 w, so that rounding, which is what
-makes tau(t) differ from 0, is not magnified where the point is near.
+whose minimum over the arc's part is known. tau(t) differs from 0 only by rounding. So that this is
+not magnified if the point is near, U is no less than l1 w.
 """
 
 from __future__ import annotations
@@ -31,26 +32,26 @@ from .meridian import chord_of, from_arc, from_chord, from_segment, thickness
 from .profile import jet_of, put_part
 
 _STACK = 128
-"""Arcs that may wait: twice as many as a tree is deep; and parts of one."""
+"""Room for arcs that wait, twice the depth of a tree, and for waiting parts of one arc."""
 
 _NEWTONS, _PARTS = 8, 96
-"""Steps of Newton's method, and parts that an arc is divided into where nothing else tells."""
+"""Steps of Newton's method, and parts that an arc is divided into if no other bound suffices."""
 
 _CURVED, _SHORTER, _NOTHING = 1e-6, 0.25, 1e-17
-"""Share of that of a straight curve from which on the distance curves upwards: it is small near the
-centre of an arc. By what a step is shortened that leads no nearer; and which share of the square of
-the distance is no gain."""
+"""Newton's step uses the second derivative of the squared distance if it is above _CURVED of that
+for a straight curve: near the centre of an arc it is small. _SHORTER shortens a step that leads no
+nearer. What is below _NOTHING of the squared distance is no gain."""
 
 
 @inlined
 def enough(distance, share, spare):
-    """The distance from which on nothing is looked for, metres."""
+    """Return the distance, metres, from which on everything is pruned."""
     return distance - max(share * distance, spare)
 
 
 @kernel
 def _newton(curve, low, high, rho, z, t):
-    """Come nearer from t on a part of a piece: t, and the distance there."""
+    """Go from t to a nearer point on a part of a piece; return its t and its distance."""
     best, best_t, step = np.inf, t, 0.0
     for _ in range(_NEWTONS):
         (x, y), (x1, y1), (x2, y2) = jet_of(curve, t)
@@ -60,7 +61,7 @@ def _newton(curve, low, high, rho, z, t):
             best, best_t = far, t
             slope, bend = x * x1 + y * y1, x1 * x1 + y1 * y1
             whole = bend + x * x2 + y * y2
-            # Where the distance does not curve upwards, as if the curve were straight.
+            # If the distance does not curve upwards, the step is that of a straight curve.
             bend = whole if whole > _CURVED * bend else bend
             if not slope * slope > _NOTHING * far * bend:
                 break
@@ -75,7 +76,10 @@ def _newton(curve, low, high, rho, z, t):
 
 @kernel
 def _least_on(curve, arc, rho, z, t):
-    """A lower bound of the distance of an arc's part, by its nearest point at t; see above."""
+    """Return a lower bound of the distance of an arc's part, by its nearest point at t.
+
+    The module's docstring says why.
+    """
     (x, y), (x1, y1), (x2, y2) = jet_of(curve, t)
     x, y = x - rho, y - z
     distance = np.sqrt(x * x + y * y)
@@ -102,9 +106,10 @@ def _least_on(curve, arc, rho, z, t):
 
 @kernel
 def _share_at(rows, degree, s):
-    """The share of a part's parameter that is at about `s` of its way, whatever its end weights.
+    """Return the share of a part's parameter range at about the share `s` of its length.
 
-    With these alike it is `s`, and a parameter for which they are does not move the part.
+    If both end weights are equal, that is `s`. Else the part is reparametrised to make them equal,
+    which does not change its shape.
     """
     if rows[degree, 2] == rows[0, 2]:
         return s
@@ -114,7 +119,11 @@ def _share_at(rows, degree, s):
 
 @kernel
 def _divide(curve, arc, rho, z, t, distance, share, spare, margin):
-    """The same by parts that are as thin as their control points tell: t, distance and bound."""
+    """Find the nearest point on an arc's part by halving it, with bounds by control points.
+
+    Returns t, the distance, a lower bound of the parts that are not divided any more, and the
+    looks.
+    """
     rows = table_on_stack(16, 3, 0.0)
     lows, highs = on_stack(_STACK, 0.0), on_stack(_STACK, 0.0)
     lows[0], highs[0] = arc.low, arc.high
@@ -145,13 +154,13 @@ def _divide(curve, arc, rho, z, t, distance, share, spare, margin):
 
 @kernel
 def nearest_on(tree, rho, z, margin, share, spare):
-    """The point of the profile nearest to one of the half-plane (rho, z), metres.
+    """Find the point of the profile nearest to the point (rho, z) of the half-plane, metres.
 
-    Nothing is looked for that is nearer by less than a share of the distance, or than is spared.
+    Points nearer by less than `share` of the distance, or by less than `spare`, are not looked for.
 
     Returns:
-        Bounds of the distance, the upper one that of the point found; which piece that is on, and
-        where; and how many arcs were looked at.
+        Bounds of the distance, the upper one that of the point found; its piece and its parameter
+        there; and how many arcs were looked at.
     """
     arcs = tree.arcs
     stack, bounds = on_stack(_STACK, np.int32(0)), on_stack(_STACK, 0.0)
@@ -170,7 +179,7 @@ def nearest_on(tree, rho, z, margin, share, spare):
             one, other = arcs[child], arcs[child + 1]
             first = from_chord(one, rho, z) - thickness(one) - margin
             second = from_chord(other, rho, z) - thickness(other) - margin
-            near = 0 if first <= second else 1  # comes first
+            near = 0 if first <= second else 1  # is looked at first
             stack[top + 1 - near], bounds[top + 1 - near] = child, first
             stack[top + near], bounds[top + near] = child + 1, second
             top += 2

@@ -1,12 +1,13 @@
 """Bounds of solids of revolution whose axes are nearly one, as of a shaft in a bore.
 
-A point of b lies at g + rho_b u across a's axis, with g what the point of b's axis beside it is off
-a's, and u a unit vector across b's. Of u a part between cos(tilt) and 1 is across a's axis, along
-some u'. So rho >= rho_b cos(tilt) + g . u', and rho <= sqrt(X² + h²) for X = rho_b + g . u', where
-h is what g extends across u'. The most that g . u' is in a sector is convex in z, as g is linear:
-no more than what is interpolated between the ends of an arc. The root is convex in X. So both are
-bounded by what is linear in rho_b and z, and what an arc reaches along a vector is known. No small
-sectors are needed: about one axis, these bounds are those of the profiles in the plane.
+Let g be the offset of b's axis from a's, across a's axis, beside a point of b. Across a's axis, the
+point lies at g + rho_b u, with u a unit vector across b's axis. The part of u across a's axis has a
+length between cos(tilt) and 1, along some unit vector u'. So rho >= rho_b cos(tilt) + g . u', and
+rho <= sqrt(X² + h²) for X = rho_b + g . u', where h is the part of g perpendicular to u'. The
+maximum of g . u' over a sector is convex in z, as g is linear: it is no more than the interpolation
+between the ends of an arc. The root is convex in X. So both bounds of rho have bounds linear in
+rho_b and z, and the reach of an arc along a vector is known. No small sectors are needed: about one
+axis, these bounds are those of the profiles in the plane.
 """
 
 from __future__ import annotations
@@ -18,31 +19,33 @@ from ..base.trees import NONE
 from .reach import arc_at, bulge, most_in, reach_of
 
 ALIKE = 0.98
-"""Cosine of the tilt of the axes from which on these are nearly one."""
+"""Cosine of the tilt between two axes above which they count as nearly one."""
 
 _ON_AXIS = 1e-6
-"""Share of an arc's width by which its centre may be off the axis."""
+"""An arc is a ball's if the rho of its centre, times the arc's sine, is below this share of half
+the arc's width."""
 
 _ROUND = 0.02
-"""Sine of half the angle of an arc from which on its circle is compared. The radius is at most 50
-times half the chord there, and the centre errs by less than 10 u of it: see `_about_axis`."""
+"""Sine of half an arc's angle above which its circle is compared. The radius is then at most 50
+times half the chord, and the centre errs by less than 10 u of the radius: see above
+`_about_axis`."""
 
 
 @inlined
 def _along_z(arc):
-    """The middle of what an arc extends along its axis, and no less than half of that, metres."""
+    """Return the middle of an arc's extent along its axis and a bound of half of it, metres."""
     return arc.middle[1], abs(arc.half[1]) + bulge(arc) + arc.error
 
 
 @inlined
 def _beside_axis(motion, z):
-    """What the point at z of b's axis is off a's, metres."""
+    """Return the offset g of b's axis from a's at z of b's axis, metres."""
     return motion[9] + z * motion[2], motion[10] + z * motion[5]
 
 
 @inlined
 def off_axis(arc, motion):
-    """How far b's axis is off a's beside an arc, at most, metres."""
+    """Return how far b's axis is off a's beside an arc, at most, metres."""
     middle, half = _along_z(arc)
     x, y = _beside_axis(motion, middle)
     return np.sqrt(x * x + y * y) + half * np.sqrt(motion[2] * motion[2] + motion[5] * motion[5])
@@ -50,16 +53,16 @@ def off_axis(arc, motion):
 
 @inlined
 def bends_about_axis(arc, sector, motion):
-    """How far from straight b's arc and its sector are to bounds about an axis, about, metres.
+    """Estimate how far from straight b's arc and sector are for bounds about an axis, metres.
 
-    Infinity where there are none: see `begin_about_axis`.
+    Both are infinite if there are no such bounds: see `begin_about_axis`.
     """
     off, wide = off_axis(arc, motion), abs(arc.middle[0]) + abs(arc.half[0])
     if not off < wide:
         return np.inf, np.inf
     tilt = np.sqrt(motion[2] * motion[2] + motion[5] * motion[5])
     varied = 1.0 if sector[2] < 0.0 else sector[3]
-    # The root is bent most where an arc is near its axis: see `_chord_of_root`.
+    # The root bends most if an arc is near its axis: see `_chord_of_root`.
     middle, near = abs(arc.middle[0]), max(abs(arc.middle[0]) - abs(arc.half[0]), 0.0)
     chord = 0.5 * (np.sqrt(near * near + off * off) + np.sqrt(wide * wide + off * off))
     along = 0.5 * tilt * arc.length + chord - np.sqrt(middle * middle + off * off)
@@ -68,7 +71,7 @@ def bends_about_axis(arc, sector, motion):
 
 @inlined
 def _most_beside(motion, sector, z):
-    """No less than what the point at z of b's axis is off a's across u', metres."""
+    """Return a bound of |h|, the part of g perpendicular to u', at z of b's axis, metres."""
     x, y = _beside_axis(motion, z)
     x, y = -y, x
     x, y = motion[0] * x + motion[3] * y, motion[1] * x + motion[4] * y
@@ -77,25 +80,25 @@ def _most_beside(motion, sector, z):
 
 @inlined
 def _most_off(motion, sector, sign, z):
-    """No less than sign g . u' for what the point at z of b's axis is off a's, metres."""
+    """Return an upper bound of sign g . u' at z of b's axis, metres."""
     x, y = _beside_axis(motion, z)
     x, y = sign * x, sign * y
     most = most_in(sector, motion[0] * x + motion[3] * y, motion[1] * x + motion[4] * y)
     return most / abs(motion[8]) if most > 0.0 else most
 
 
-# What is computed here errs by less than 40 u P, with P the coordinates of both models, and by 2 u
-# of a translation along the axes. An arc's error holds 2,048 u P, of which it needs some 320: see
-# _ROUNDING of arcs.
+# Results here err by less than 40 u P, with P the coordinates of both models, and by 2 u of a
+# translation along the axes. An arc's error includes 2,048 u P, of which the arc needs about 320:
+# see _ROUNDING in arcs.py.
 @kernel
 def _about_axis(arc, sector, motion, n, m):
-    """A vector v of b's plane, and what v . (rho_b, z) is added to: no point of b is less far."""
+    """Return a vector v of b's plane and an offset: b begins beyond offset + v . (rho_b, z)."""
     middle, half = _along_z(arc)
     sign = -1.0 if n > 0.0 else 1.0
     first = _most_off(motion, sector, sign, middle - half)
     last = _most_off(motion, sector, sign, middle + half)
     between, slope = 0.5 * (first + last), 0.0
-    if half > 0.0:  # whatever rounding does to short arcs
+    if half > 0.0:  # clamped, as rounding may spoil it for short arcs
         slope = min(max((last - first) / (2.0 * half), -1.0), 1.0)
     up, down = most_in(sector, motion[6], motion[7]), most_in(sector, -motion[6], -motion[7])
     between -= slope * middle
@@ -113,31 +116,32 @@ def _about_axis(arc, sector, motion, n, m):
 
 @kernel
 def _chord_of_root(arc, sector, motion, across, first, last):
-    """A line no lower than sqrt(X² + h²) for all X = across rho_b + g . u' of an arc.
+    """Return a line no lower than sqrt(X² + h²) for all X = across rho_b + g . u' of an arc.
 
-    That is convex in X, so its chord is one. Returns the line's slope, and its height at zero.
+    The root is convex in X, so its chord is such a line. Returns the line's slope, and its height
+    at X = 0.
     """
     middle, half = _along_z(arc)
     off, tilt = off_axis(arc, motion), np.sqrt(motion[2] * motion[2] + motion[5] * motion[5])
     thick = abs(arc.half[0]) + bulge(arc) + arc.error
     least, most = max(arc.middle[0] - thick, 0.0), arc.middle[0] + thick
     beside = _most_beside(motion, sector, middle) + half * tilt
-    if least * abs(motion[8]) <= off:  # where X may be negative, rho is no more than |g|
+    if least * abs(motion[8]) <= off:  # X may be negative: rho is no more than |g|
         beside = off
     low = across * least + min(first, last)
     high = across * most + max(first, last)
     begin, end = np.sqrt(low * low + beside * beside), np.sqrt(high * high + beside * beside)
     share = 1.0
-    if high > low:  # whatever rounding does to short arcs
+    if high > low:  # clamped, as rounding may spoil it for short arcs
         share = min(max((end - begin) / (high - low), -1.0), 1.0)
     return share, max(begin - share * low, end - share * high)
 
 
 @kernel
 def begin_about_axis(tree_b, own_b, b, fine, sector, motion, n, m, wanted):
-    """Where b begins along a normal (n, m) of a's plane, metres; see `begin_of`.
+    """Return where b begins along a normal (n, m) of a's plane, metres; see `begin_of`.
 
-    Minus infinity where b's axis is farther off a's than b's arc is from its own.
+    Minus infinity if b's axis is farther off a's than b's arc is from its own axis.
     """
     arc = arc_at(tree_b.arcs, own_b, b)
     if not off_axis(arc, motion) < abs(arc.middle[0]) + abs(arc.half[0]):
@@ -148,10 +152,10 @@ def begin_about_axis(tree_b, own_b, b, fine, sector, motion, n, m, wanted):
 
 @inlined
 def between_circles(arc_a, arc_b, motion):
-    """A lower bound of the distance of two arcs by their circles, but for rounding; or -infinity.
+    """Return a bound of two arcs' distance by their circles, without a slack; or -infinity.
 
-    No point of one circle is nearer to the other than both radii differ, less by how far their
-    centres are from each other. Where these are one, that is the distance of all points.
+    A point of one circle is no nearer to the other than the difference of the radii minus the
+    distance of the centres. If the centres coincide, that is the distance of all points.
     """
     round_ = arc_a.curve != NONE and min(abs(arc_a.sine), abs(arc_b.sine)) > _ROUND
     if not (round_ and (abs(motion[8]) > ALIKE or _is_ball(arc_a))):
@@ -161,7 +165,7 @@ def between_circles(arc_a, arc_b, motion):
 
 @inlined
 def _is_ball(arc):
-    """Whether the centre of a round arc is on the axis, about: all else has wide bounds."""
+    """Return whether a round arc's centre is about on the axis; for others the bounds are wide."""
     off = abs(arc.middle[0] * arc.sine + arc.cosine * arc.half[1])
     return off < _ON_AXIS * abs(arc.half[0])
 
@@ -170,14 +174,14 @@ def _is_ball(arc):
 def _between_circles(arc_a, arc_b, motion):
     (x, z, radius_a), (rho, height, radius_b) = _circle(arc_a), _circle(arc_b)
     between = abs(radius_b - radius_a) - arc_a.error - arc_b.error
-    # Of balls both centres are on the axes.
+    # First as for balls: move both centres onto the axes, and subtract how far they move.
     off, beside = _beside_axis(motion, height)
     along = motion[11] + height * motion[8] - z
     lost = np.sqrt(off * off + beside * beside + along * along) + abs(x) + abs(rho)
     if abs(motion[8]) > ALIKE:
         along = motion[11] + (height if motion[8] > 0.0 else -height) - z
         apart = np.sqrt((rho - x) * (rho - x) + along * along)
-        # How far b's points are from where they would be if both axes were one.
+        # Add how far b's points are from where they would be if both axes were one.
         middle, half = _along_z(arc_b)
         wide = abs(arc_b.middle[0]) + abs(arc_b.half[0]) + bulge(arc_b) + arc_b.error
         tilt = np.sqrt(motion[2] * motion[2] + motion[5] * motion[5])
@@ -188,7 +192,7 @@ def _between_circles(arc_a, arc_b, motion):
 
 @inlined
 def _circle(arc):
-    """The centre of an arc that is round, rho and z, and its radius; metres."""
+    """Return the centre of a round arc, rho and z, and its radius; metres."""
     half = np.sqrt(arc.half[0] * arc.half[0] + arc.half[1] * arc.half[1])
     radius = half / abs(arc.sine)
     across = -arc.cosine / arc.sine

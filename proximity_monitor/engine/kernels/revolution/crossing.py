@@ -1,23 +1,23 @@
 """Whether a profile crosses itself.
 
-Its Bezier pieces are halved until each part runs within a quarter turn, so that none crosses
-itself. Parts that follow each other make up a run as long as there is a direction along which all
-of them advance: no two of a run meet. Parts of different runs are compared with each other, and
-where no line between their control points proves them separate they are halved and compared again:
-until they are, or cross for certain, or are too straight for it to matter.
+Its Bezier pieces are halved until the tangents of each part stay within a quarter turn, so that no
+part crosses itself. Consecutive parts make up a run as long as there is a direction along which all
+of them advance: no two parts of a run meet. Parts of different runs are compared with each other.
+If no line between their control points proves them separate, they are halved and compared again,
+until they are separate, or cross for certain, or are too straight for it to matter.
 
-What is taken for a profile that does not cross itself though it does:
+A profile that crosses itself is accepted in these cases:
 
-- A loop that shrinks to nothing if the profile is moved by some 1e-12 of its size, at a corner or a
-  cusp as well as elsewhere: _LEAST says why. It is narrow rather than short. That of a cubic near a
-  cusp is up to 1e-7 of the size long; and where the sides of a corner of no angle leave each other
-  as a circle as large as the profile leaves its tangent, up to 1e-5; straighter ones may be so near
-  each other for any length.
-- Pieces that cross where one of them ends, at an angle of less than _ANGLE, and as near to that end
+- A loop shrinks to nothing if the profile is moved by some 1e-12 of its size, at a corner or a cusp
+  as well as elsewhere: _LEAST says why. Such a loop is narrow rather than short. The loop of a
+  cubic near a cusp is up to 1e-7 of the size long. If the sides of a corner of angle zero separate
+  as a circle as large as the profile does from its tangent, the loop is up to 1e-5 long. Straighter
+  sides may be that near each other for any length.
+- Pieces cross near an end of one of them, at an angle of less than _ANGLE, and as near to that end
   as some 1e-12 of the size over the angle.
-- What is left to compare after _LOOKS at two parts and at what they are halved into, or _ALL_LOOKS
-  in all, and is no wider than _COARSE. That is so where a bent profile runs on itself for long, or
-  beside itself at less than some 1e-9 of its size.
+- Some parts are still to be compared after _LOOKS at two parts and their halves, or after
+  _ALL_LOOKS in all, and are no wider than _COARSE. That happens if a bent profile runs on itself
+  for long, or beside itself at less than some 1e-9 of its size.
 """
 
 from __future__ import annotations
@@ -45,44 +45,45 @@ from .part import (
 )
 
 _STRAIGHT = 1e-12
-"""Share of the profile's size, as all lengths here: how far a part may bend away from its chord
-that is taken for straight, and how far apart two points may be that are taken for one."""
+"""Share of the profile's size, as all lengths here. A part counts as straight if it bends no
+farther away from its chord, and two points count as one if they are no farther apart."""
 
 _LEAST = 2e-12
-"""By how much what crosses has to be moved before it does not, at least: more than the 1e-12 that
-ends may be apart that coincide, and that rounding may have moved points at a cusp."""
+"""A crossing counts only if the parts still cross when one is moved by this. It is more than the
+1e-12 that coincident ends may be apart, and that rounding may have moved points at a cusp."""
 
 _QUARTER, _HALF = 0.5 * np.pi, 3.0
-"""Radians between which the tangents of a part and of a run are. Those of a run advance along a
-common direction by 1/14 of their length or more."""
+"""Largest range of the tangents' angles of a part, and of a run, radians. All parts of a run
+advance along a common direction by 1/14 of their length or more."""
 
 _ANGLE = 1e-6
 """Sine of the angle below which straight parts run along each other and do not cross."""
 
 _BENT = 16.0
-"""A part's tangents are at an angle of up to 4 times its width over its length to its chord, as a
-circle's are; twice that to the next chord. Parts that run along each other may lie so."""
+"""A part's tangents are at an angle of up to 4 times its width over its length to its chord, as
+those of a circle are, and of twice that to the next chord. Parts that run along each other may be
+at such an angle."""
 
 _AROUND = 1e-4
-"""Straight parts that meet at a larger angle are refused though none may be across the other: a
-corner may be on a wall. But the profile has to go farther away than this between them. Where its
-sides leave a corner or a cusp as the power m <= 15 of how far they are from it, they are at an
-angle of m times their distance over that: a smaller one if they are as near as 3e-12."""
+"""Straight parts that meet at a larger angle are refused even if neither passes across the other: a
+corner may be on a wall. But between them the profile has to go farther away than this. If the sides
+leave a corner or a cusp as the power m <= 15 of the distance from it, their angle is m times their
+gap over that distance: less than _ANGLE if the gap is as small as 3e-12."""
 
 _DEEPEST = 60
-"""How often a piece is halved at most: a cusp is a point by then."""
+"""How often a piece is halved, at most: by then a cusp is a point."""
 
 _ROOM, _LOOKS, _ALL_LOOKS = 256, 1 << 14, 1 << 16
-"""Pairs that may wait; how many are looked at, at most, for a pair of parts and in all."""
+"""Pairs that may wait; looks at a pair of parts and its halves, and looks in all, at most."""
 
 _COARSE, _FEW_LOOKS = 1e-5, 1 << 10
-"""What is taken for straight where a pair takes more than that: what crosses at large is found by
-so many looks. So many each pair may take, whatever others took."""
+"""A pair that uses up its looks is looked at again, with parts of this width taken for straight: so
+many looks find large crossings. Each pair may take so many, however many others took."""
 
 
 @allocating_entry
 def first_crossing(nets, degrees, size):
-    """Where a profile crosses itself first, as it runs along; see above what is overlooked.
+    """Find the first crossing along a profile; the module's docstring says what is overlooked.
 
     Args:
         nets: (n, 16, 3) control points rho w, z w and w of its pieces, one after the other.
@@ -90,8 +91,8 @@ def first_crossing(nets, degrees, size):
         size: metres; the largest coordinate.
 
     Returns:
-        (i, j, rho, z): two pieces, which may be the same, and a point, metres; i is -1 where it
-        does not.
+        (i, j, rho, z): two pieces, which may be the same, and a point, metres; i is -1 if there
+        is no crossing.
     """
     if not size > 0.0:
         return -1, -1, 0.0, 0.0
@@ -110,7 +111,7 @@ def first_crossing(nets, degrees, size):
                 for j in range(starts[s], starts[s + 1]):
                     if not _boxes_meet(parts[i, BOX], parts[j, BOX]):
                         continue
-                    last = closed and i == 0 and j == count - 1  # followed by the first
+                    last = closed and i == 0 and j == count - 1  # the first part follows it
                     a, b = (j, i) if last else (i, j)
                     p, q = np.int64(parts[a, PLACE, 2]), np.int64(parts[b, PLACE, 2])
                     joint = last or j == i + 1
@@ -135,14 +136,17 @@ def first_crossing(nets, degrees, size):
 
 @allocating
 def _parts(nets, degrees, size):
-    """Parts (n, 18, 5) in units of the size, but points; and their tangents' angles (n, 2)."""
+    """Return parts (n, 18, 5) in units of the size, without points; and their angles (n, 2).
+
+    The angles are the least and the greatest of each part's tangents.
+    """
     parts, angles, count = np.empty((4 * len(nets), ROWS, COLUMNS)), np.empty((4 * len(nets), 2)), 0
     waiting, depths = np.empty((_DEEPEST + 4, ROWS, COLUMNS)), np.empty(_DEEPEST + 4, np.int64)
     part, kept = np.empty((ROWS, COLUMNS)), 0
     for k in range(len(nets)):
         take(nets[k], degrees[k], size, k, part)
         kept += extent(part) > _STRAIGHT
-    enough = 0 if kept > 2 else 2  # of a loop no two parts may have both ends in common
+    enough = 0 if kept > 2 else 2  # two parts of a loop may not share both ends
     for k in range(len(nets)):
         take(nets[k], degrees[k], size, k, waiting[0])
         left, depths[0] = 1, 0
@@ -160,7 +164,8 @@ def _parts(nets, degrees, size):
                 continue
             if count == len(parts):
                 more, beside = np.empty((2 * count, ROWS, COLUMNS)), np.empty((2 * count, 2))
-                # Of slices numba would compile its message for unlike lengths: three seconds.
+                # Row by row: to copy slices, numba would compile an error message, which takes
+                # three seconds.
                 for i in range(count):
                     copy(parts[i], degrees[np.int64(parts[i, PLACE, 2])], more[i])
                     beside[i, 0], beside[i, 1] = angles[i, 0], angles[i, 1]
@@ -173,7 +178,7 @@ def _parts(nets, degrees, size):
 
 @allocating
 def _runs(parts, angles):
-    """Where runs begin (r + 1,), and the boxes (r, 4) around them."""
+    """Return where runs begin (r + 1,), and the boxes (r, 4) around them."""
     starts, boxes, runs = np.empty(len(parts) + 1, np.int64), np.empty((len(parts), 4)), 0
     low, high = 0.0, 0.0
     for i in range(len(parts)):
@@ -197,7 +202,7 @@ def _runs(parts, angles):
 
 @kernel
 def _closes(first, last, degrees):
-    """Whether the profile ends where it begins."""
+    """Return whether the profile ends where it begins."""
     end = last[degrees[np.int64(last[PLACE, 2])]]
     return np.hypot(first[0, 3] - end[3], first[0, 4] - end[4]) <= _LEAST
 
@@ -209,7 +214,7 @@ def _boxes_meet(a, b):
 
 @kernel
 def _may_cross(a, degree_a, b, degree_b, joined):
-    """Whether parts are not known to be separate, or on different sides of where they join."""
+    """Return whether no line separates two parts; of joined parts, no line through their joint."""
     if joined:
         return not parted(a, degree_a, b, degree_b, _STRAIGHT)
     return not separate(a, degree_a, b, degree_b)
@@ -217,10 +222,10 @@ def _may_cross(a, degree_a, b, degree_b, joined):
 
 @kernel
 def _look(nets, degrees, size, closed, pairs, joined, enough, most):
-    """Whether the two parts in pairs[0] cross, how many looks that took, and where they do.
+    """Return whether the two parts in pairs[0] cross, how many looks that took, and where.
 
-    Where `joined` says so, the first of a pair ends where the second begins. If there are as many
-    looks as there may be, they may cross all the same.
+    If `joined` says so, the first part of a pair ends where the second begins. If all looks allowed
+    are used up, the parts may cross although no crossing was found.
     """
     a0, a1 = table_on_stack(ROWS, COLUMNS, 0.0), table_on_stack(ROWS, COLUMNS, 0.0)
     b0, b1 = table_on_stack(ROWS, COLUMNS, 0.0), table_on_stack(ROWS, COLUMNS, 0.0)
@@ -250,7 +255,7 @@ def _look(nets, degrees, size, closed, pairs, joined, enough, most):
             halve(b, degree_b, b0, b1)
         else:
             copy(b, degree_b, b0)
-        for k in range(4):  # the joint last, that is next
+        for k in range(4):  # the pair at the joint last: it is taken next
             if (k < 2 and not halve_a) or (k % 2 == 0 and not halve_b):
                 continue
             one, other = a0 if k < 2 else a1, b1 if k % 2 == 0 else b0
@@ -264,7 +269,7 @@ def _look(nets, degrees, size, closed, pairs, joined, enough, most):
 
 @kernel
 def _where(a, degree_a, b, degree_b):
-    """Where a part's chord meets the line of another's, or comes nearest to doing so."""
+    """Return where a part's chord meets the line of another's chord, or is nearest to it."""
     u, v = heading(a, degree_a)
     x, y = heading(b, degree_b)
     across = u * y - v * x
@@ -277,7 +282,7 @@ def _where(a, degree_a, b, degree_b):
 
 @kernel
 def _meet(nets, degrees, size, closed, a, b):
-    """Whether straight parts that meet are at an angle, and far apart along the profile."""
+    """Return whether straight parts meet at an angle, and the profile goes far between them."""
     i, j = np.int64(a[PLACE, 2]), np.int64(b[PLACE, 2])
     u, v = heading(a, degrees[i])
     x, y = heading(b, degrees[j])
@@ -301,7 +306,7 @@ def _meet(nets, degrees, size, closed, a, b):
 
 @kernel
 def _leaves(nets, degrees, i, low, j, high, x, y, far):
-    """Whether the profile is ever farther than `far` from a point, metres, between two places."""
+    """Return whether the profile leaves a circle about (x, y) between two places; all in metres."""
     rows = table_on_stack(PLACE, 3, 0.0)
     for k in range(i, j + 1):
         first, last = low if k == i else 0.0, high if k == j else 1.0

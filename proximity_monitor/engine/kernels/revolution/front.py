@@ -1,9 +1,10 @@
-"""The front of a search: the pairs of rings that it parted all that turns into, each one too far.
+"""The front of a search: the pairs of rings that the whole pair was divided into, each pruned.
 
-From one moment to the next most of them still are, and along the same direction. So the next search
-begins with them: one gap along a known direction each, without the pairs that they are parts of.
-That they are all there is, is what counts: whether each is too far is found out anew. A front only
-becomes finer, so after a while a search begins with the whole again.
+From one tick to the next most of them are still too far, along the same direction. So the next
+search begins with them: it takes one gap along a known direction for each, and skips the larger
+pairs that they are parts of. It relies only on the fact that they cover the whole pair: whether
+each is too far is tested anew. A front only becomes finer, so after a while a search begins with
+the whole pair again.
 """
 
 from __future__ import annotations
@@ -16,18 +17,21 @@ from ..base.trees import NONE, REVISION
 from ..elements.primitives import has_leapt
 
 FRONT = 128
-"""Pairs of rings that a front may have."""
+"""Pairs of rings that a front may have, at most."""
 
 _FEWEST = 4
-"""Pairs of rings of a front that is worth while."""
+"""A front with fewer pairs of rings is not worth using."""
 
 _GROWN, _BESIDES = 1.5, 8
-"""How many times as many pairs a front may come to have as at first; and how many besides."""
+"""A front may grow to _GROWN times the pairs that it had at first, and _BESIDES more."""
 
 
 @kernel
 def begin_front(tree_a, tree_b, state):
-    """Forget a front that is of other shapes, or has taken up much of the room for arcs."""
+    """Forget the front if no search may use it, or it is of other shapes, or its arcs are many.
+
+    They are many if they take up half of their room.
+    """
     progress, waiting = state.progress[0], state.waiting
     same = progress.shape_a == tree_a.scale[REVISION] and progress.shape_b == tree_b.scale[REVISION]
     room = 2 * max(progress.arcs_a, progress.arcs_b) < len(waiting.arcs_a)
@@ -40,7 +44,7 @@ def begin_front(tree_a, tree_b, state):
 
 @inlined
 def has_front(tree_a, tree_b, state):
-    """Whether a search had better begin with the front than with the whole."""
+    """Return whether a search should begin with the front instead of the whole pair."""
     front = state.progress[0].front
     few = _FEWEST <= front <= state.progress[0].grown
     return few and not has_leapt(tree_a, tree_b, state)
@@ -48,7 +52,7 @@ def has_front(tree_a, tree_b, state):
 
 @kernel
 def forget_front(tree_a, tree_b, state):
-    """Begin with the whole, and keep what that is parted into where the next search is near."""
+    """Begin with the whole pair; record its parts as a new front if the next search may use it."""
     progress = state.progress[0]
     progress.front = progress.arcs_a = progress.arcs_b = progress.grown = 0
     near = remembers(state) and not has_leapt(tree_a, tree_b, state)
@@ -57,7 +61,7 @@ def forget_front(tree_a, tree_b, state):
 
 @inlined
 def keep_ring(state, a, b, angle, half, sector, n, e):
-    """Keep a pair of rings that is too far along a direction, where there is to be a front."""
+    """Add a pair that is too far along a direction to the next front, if one is recorded."""
     if state.progress[0].parted != NONE:
         _keep(state, a, b, angle, half, sector, n, e)
 
@@ -77,7 +81,7 @@ def _keep(state, a, b, angle, half, sector, n, e):
 
 @kernel
 def end_front(state):
-    """Make what the search parted all into the next front, together with what is still open."""
+    """Make the recorded pairs the next front, together with the pairs that are still open."""
     progress, waiting = state.progress[0], state.waiting
     for i in range(progress.rings):
         ring = waiting.rings[waiting.heap[i]]

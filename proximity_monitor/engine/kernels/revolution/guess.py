@@ -1,9 +1,9 @@
-"""Which points of two profiles that turn may well be the nearest: samples of both are compared.
+"""Which points of two turning profiles may well be the nearest: samples of both are compared.
 
-Where b's half-plane stands at one angle about its axis, its samples have places in a's plane, and
-each is compared with all of a's. The nearest two turn the half-plane: a's sample lies at one angle
-about b's axis, b's at one about a's. The first angle is that in which the axes are nearest. What is
-found is a place to begin at, and nothing is proven by it.
+If b's half-plane is at one angle about b's axis, its samples have places in a's plane, and each is
+compared with all of a's samples. The nearest two samples give the next angles of the half-planes:
+that of a's sample about b's axis, and that of b's sample about a's. The first angle is the one at
+which the axes are nearest. The result is a place to begin at; it proves nothing.
 """
 
 from __future__ import annotations
@@ -18,20 +18,21 @@ from .newton import turned
 from .profile import jet_of
 
 _MOST, _ENOUGH = 64, 24
-"""Samples of a profile at the most, and where its pieces are fewer, about how many."""
+"""Samples of a profile, at most; and about how many if its pieces are fewer."""
 
 _LANES = 16
-"""Places that a register holds. Beyond the samples, there are copies of the last one."""
+"""Single-precision lanes of a register. Beyond the samples there are copies of the last one."""
 
 _ZERO, _ONE, _TWO, _FAR = (np.float32(x) for x in (0.0, 1.0, 2.0, np.inf))
 
 _ROUNDS, _TURNS = 2, 1
-"""How often all samples are compared, and how often the half-planes are turned to the nearest."""
+"""How often all samples are compared, and how often the half-planes are then turned to the nearest
+two."""
 
 
 @allocating_entry
 def take_samples(curves):
-    """Points of a profile (k, 3): rho and z, metres, and of which piece at which t, added up.
+    """Return points of a profile (k, 3): rho and z, metres, and the piece's number plus t.
 
     Args:
         curves: (c,) CURVE_PIECE.
@@ -55,7 +56,7 @@ def _unit(x, y):
 
 @inlined
 def _seen_from_b(motion, x, y, z):
-    """The cosine and sine of the angle about b's axis at which a point of a's frame lies."""
+    """Return the cosine and sine of the angle about b's axis at which a point of a's frame lies."""
     x, y, z = x - motion[9], y - motion[10], z - motion[11]
     return _unit(
         motion[0] * x + motion[3] * y + motion[6] * z, motion[1] * x + motion[4] * y + motion[7] * z
@@ -64,7 +65,7 @@ def _seen_from_b(motion, x, y, z):
 
 @inlined
 def _seen_from_a(motion, at, rho, z):
-    """The point of a's frame where b's sample lies, with its half-plane at an angle."""
+    """Return where b's sample lies in a's frame, with b's half-plane at an angle."""
     x, y, z = turned(motion, rho * at[0], rho * at[1], z)
     return x + motion[9], y + motion[10], z + motion[11]
 
@@ -79,7 +80,7 @@ def _extent(samples):
 
 @inlined
 def _between_axes(samples_a, samples_b, motion):
-    """The angle about b's axis of the point of a's that is nearest to it, about."""
+    """Estimate the angle about b's axis of the point of a's axis that is nearest to b's."""
     low_a, high_a = _extent(samples_a)
     low_b, high_b = _extent(samples_b)
     q = 0.5 * (low_b + high_b)
@@ -93,7 +94,7 @@ def _between_axes(samples_a, samples_b, motion):
 
 @inlined
 def _nearer(rho, height, far, high, j, number):
-    """The squared distance of a place from the nearer of two of b's samples, and its number."""
+    """Return the squared distance of a place from the nearer of two b samples, and its number."""
     across, along = rho - far[j], height - high[j]
     one = across * across + along * along
     across, along = rho - far[j + 1], height - high[j + 1]
@@ -103,8 +104,8 @@ def _nearer(rho, height, far, high, j, number):
 
 @kernel
 def near_samples(samples_a, samples_b, motion):
-    """A sample of each profile, and the angle about b's axis at which they are near each other."""
-    # In single precision, of which a register holds twice as many: nothing is proven by it.
+    """Return a sample of each profile, and the angle about b's axis at which both are near."""
+    # Single precision suffices, because nothing is proven; a register holds twice as many lanes.
     rho, height = on_stack(64, _ZERO), on_stack(64, _ZERO)
     far, high = on_stack(64, _ZERO), on_stack(64, _ZERO)
     least, which = on_stack(64, _ZERO), on_stack(64, _ZERO)
@@ -127,7 +128,8 @@ def near_samples(samples_a, samples_b, motion):
             far[j], high[j] = np.sqrt(x * x + y * y), z0 + r * z1 + h * z2
         for i in range(lanes):
             least[i], which[i] = _FAR, _ZERO
-        # Four at once: what each lane has found would else be kept and loaded again for each one.
+        # Four samples of b at once: else the result of each lane would be stored and loaded for
+        # each one.
         for j in range(0, others, 4):
             number = np.float32(j)
             for i in range(lanes):

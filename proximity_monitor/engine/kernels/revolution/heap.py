@@ -1,4 +1,4 @@
-"""Pairs of rings, the one with the least bound first: a binary heap of their places."""
+"""A binary heap of pairs of rings, as their slots in `rings`; the least bound is first."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from ..base.jit import kernel
 
 @kernel
 def add_ring(rings, heap, count, slot):
-    """Add the pair at a place; returns how many there are then."""
+    """Add the pair in a slot; return how many pairs there are then."""
     bound, at = rings[slot].bound, count
     while at > 0:
         parent = (at - 1) // 2
@@ -21,7 +21,7 @@ def add_ring(rings, heap, count, slot):
 
 @kernel
 def drop_ring(rings, heap, count):
-    """Take the first pair off; returns how many there are then."""
+    """Remove the first pair; return how many pairs there are then."""
     last = count - 1
     slot, at = heap[last], 0
     bound = rings[slot].bound

@@ -1,10 +1,11 @@
 """How often a solid of revolution's profile winds around a point of the half-plane.
 
-A part of the profile that lies in a convex region without the point turns around it by as much as
-its chord does. So parts are divided until their capsules, which are as thick as the part is far
-from its chord, miss the point; and the angles of the chords are added up. A profile from axis to
-axis is closed by a way beyond the axis, where no point is: that turns by the difference of its
-ends' directions, seen backwards. The sum is a whole number of turns, but for rounding.
+If a part of the profile lies in a convex region without the point, it turns around the point by as
+much as its chord does. So parts are divided until their capsules miss the point. A capsule
+surrounds the chord by as much as the part is far from it. Then the angles of the chords are added
+up. A profile from axis to axis is closed by a path beyond the axis, where no point lies. That path
+turns by the difference of the directions to its ends, seen backwards. The sum is a whole number of
+turns, up to rounding.
 """
 
 from __future__ import annotations
@@ -20,30 +21,31 @@ from ..inside.winding import UNKNOWN
 from .meridian import chord_of, from_chord, from_segment, thickness
 
 _STACK = 128
-"""Arcs that may wait: twice as many as a tree is deep; and parts of one."""
+"""Room for arcs that wait, twice the depth of a tree, and for waiting parts of one arc."""
 
 _PARTS = 64
-"""Parts that an arc is divided into: where the point is nearer than these tell, others have to."""
+"""Parts that an arc is divided into, at most. For a point too near to tell by these, the answer is
+UNKNOWN."""
 
 _WHOLE = 0.01
-"""Share of a turn that the sum may be off a whole number of them; rounding does far less."""
+"""Share of a turn by which the sum may be off a whole number of turns; rounding does far less."""
 
 
 @inlined
 def _turn(x0, z0, x1, z1):
-    """The angle from one vector to another, radians, -pi to pi."""
+    """Return the angle from one vector to another, radians, -pi to pi."""
     return math.atan2(x0 * z1 - z0 * x1, x0 * x1 + z0 * z1)
 
 
 @inlined
 def _beyond(x, z):
-    """The direction of a vector that points beyond the axis, seen from there: -pi / 2 to pi / 2."""
+    """Return the reversed direction of a vector to beyond the axis, from -pi / 2 to pi / 2."""
     return math.atan2(-z, max(-x, 0.0))
 
 
 @kernel
 def _turn_of_part(curve, low, high, rho, z, margin):
-    """By how much an arc's part turns around a point: whether that is known, and the angle."""
+    """Return whether the angle by which an arc's part turns around a point is known, and it."""
     rows = table_on_stack(16, 3, 0.0)
     lows, highs = on_stack(_STACK, 0.0), on_stack(_STACK, 0.0)
     lows[0], highs[0] = low, high
@@ -67,7 +69,7 @@ def _turn_of_part(curve, low, high, rho, z, margin):
 
 @inlined
 def _ends(arcs, i):
-    """Where the part of the profile under an arc begins and ends."""
+    """Return where the part of the profile under an arc begins and ends."""
     first = last = i
     while arcs[first].curve == NONE:
         first = np.int64(arcs[first].child)
@@ -82,11 +84,10 @@ def _ends(arcs, i):
 
 @kernel
 def turns_around(tree, rho, z, margin, joints):
-    """How often the profile winds around (rho, z), metres, and all within `margin` of it.
+    """Return how often the profile winds around (rho, z), metres, and all within `margin` of it.
 
-    Its pieces are no farther than `joints` apart where they meet, which is part of the margin.
-
-    UNKNOWN where the profile may be that near, or is too near to tell.
+    UNKNOWN if the profile may be that near, or is too near to tell. The profile's pieces are no
+    farther than `joints` apart where they meet; `margin` includes that.
     """
     arcs, curves = tree.arcs, tree.curves
     stack = on_stack(_STACK, np.int32(0))

@@ -1,7 +1,7 @@
 """Points in the half-plane through a solid's axis, and how far they are from its fat arcs.
 
-The surface is the same in every half-plane through the axis. So the point of it that is nearest to
-a given one lies in that one's half-plane, and is the profile's nearest point there.
+The surface is the same in every half-plane through the axis. So the surface point that is nearest
+to a given point lies in that point's half-plane, and is the profile's nearest point there.
 """
 
 from __future__ import annotations
@@ -19,19 +19,20 @@ from .profile import put_part
 from .reach import bulge
 
 Place = namedtuple("Place", "rho z across along margin")
-"""A point: its distance from the axis and its height, metres; the unit vectors in the model's frame
-from the axis to it, and beside that; and what all that is found of it may err by, metres."""
+"""A point seen from a solid's axis: its distance rho from the axis and its height z, metres; the
+unit vectors in the model's frame from the axis to the point (`across`) and around the axis
+(`along`); and by how much all that is computed from these may err, metres."""
 
 _MARGIN = 256.0 * DOUBLE_EPS
-"""That error, as a share of P, the length that arcs err by a share of, and of the point's distance
-from the frame's origin. Points of pieces err by 120 u P (see arcs.py), the frame's coordinates of
-the point by less than 16 u of its distance, a distance between them by a few u of both.
-"""
+"""The margin of a Place, as a share of P, the length that errors of arcs are a share of, and of the
+point's distance from the frame's origin. Points of pieces err by 120 u P (see arcs.py), the
+coordinates of the point in the frame by less than 16 u of its distance, a distance between both by
+a few u of both."""
 
 
 @inlined
 def patches_of(tree):
-    """The hierarchy of the patches alone: what it is asked is compiled for surfaces already."""
+    """Return the hierarchy of the patches alone, for which kernels are compiled already."""
     return seen_as(SurfaceTree, tree)
 
 
@@ -42,15 +43,16 @@ def _row(frame, i):
 
 @inlined
 def axis_of(tree):
-    """The unit vector of the axis, model frame."""
+    """Return the unit vector of the axis, model frame."""
     return _row(tree.frame, 2)
 
 
 @kernel
 def place_in(tree, p, way):
-    """The Place of a point of the model's frame, metres.
+    """Return the Place of a point of the model's frame, metres.
 
-    Where it lies on the axis each half-plane is as good: the one that a vector, `way`, points into.
+    If the point lies on the axis, every half-plane holds it: the one that `way` points into is
+    taken.
     """
     frame = tree.frame
     d = sub(p, _row(frame, 3))
@@ -70,14 +72,17 @@ def place_in(tree, p, way):
 
 @kernel
 def angle_of(tree, p):
-    """The angle about the axis of a point of the model's frame, radians."""
+    """Return the angle about the axis of a point of the model's frame, radians."""
     d = sub(p, _row(tree.frame, 3))
     return np.arctan2(dot(d, _row(tree.frame, 1)), dot(d, _row(tree.frame, 0)))
 
 
 @inlined
 def from_chord(arc, rho, z):
-    """The distance of a point from an arc's chord, metres; the arc is within `thickness` of it."""
+    """Return the distance of a point from an arc's chord, metres.
+
+    The arc is within `thickness` of its chord.
+    """
     x, y = rho - arc.middle[0], z - arc.middle[1]
     square = arc.half[0] * arc.half[0] + arc.half[1] * arc.half[1]
     s = (x * arc.half[0] + y * arc.half[1]) / square if square > 0.0 else 0.0
@@ -88,17 +93,17 @@ def from_chord(arc, rho, z):
 
 @inlined
 def thickness(arc):
-    """How far a part of the profile may be from its arc's chord, metres."""
+    """Return how far a part of the profile may be from its arc's chord, metres."""
     return bulge(arc) + arc.error
 
 
 @kernel
 def from_arc(arc, rho, z):
-    """The distance of a point from an arc, metres; and about where on it, from -1 to 1.
+    """Return the distance of a point from an arc, metres, and about where on it, from -1 to 1.
 
-    With b the point's height over the chord and q that of the centre, the difference of the squares
-    of its distance from the centre and of the radius is a² + b² - h² - 2 b q: nothing cancels where
-    the arc is nearly straight.
+    Let a be the point's place along the chord, b its height over the chord, q the height of the
+    arc's centre, and h half the chord. The squared distance from the centre minus the squared
+    radius is then a² + b² - h² - 2 b q: nothing cancels if the arc is nearly straight.
     """
     x, y = rho - arc.middle[0], z - arc.middle[1]
     half = np.sqrt(arc.half[0] * arc.half[0] + arc.half[1] * arc.half[1])
@@ -124,9 +129,9 @@ def from_arc(arc, rho, z):
 
 @kernel
 def chord_of(curve, low, high, rows):
-    """The ends of a part of a piece, and how far it may be from the chord between them, metres.
+    """Return the ends of a part of a piece, and how far it may be from its chord, metres.
 
-    Its control points are left in `rows`. The part lies in their convex hull.
+    Leaves the part's control points in `rows`; the part lies in their convex hull.
     """
     put_part(curve, low, high, rows)
     n = curve.degree
@@ -141,7 +146,7 @@ def chord_of(curve, low, high, rows):
 
 @inlined
 def from_segment(x, z, x0, z0, x1, z1):
-    """The distance of a point from a segment, metres."""
+    """Return the distance of a point from a segment, metres."""
     hx, hz, x, z = x1 - x0, z1 - z0, x - x0, z - z0
     square = hx * hx + hz * hz
     s = (x * hx + z * hz) / square if square > 0.0 else 0.0

@@ -1,4 +1,4 @@
-"""Local minima of the distance of two profiles that turn: found, remembered and kept."""
+"""Local minima of the distance of two turning profiles: found, remembered and kept."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from .newton import nearest_at_ends, nearest_rings
 from .places import place_of, spot_of, turning_point
 
 MINIMA = 16
-"""Minima that are remembered."""
+"""Minima that are remembered, at most."""
 
 SMALL = 0.6
-"""Half the largest angle of a sector whose minimum is looked for wherever it is, radians."""
+"""Largest half angle of a sector, radians, whose minimum is looked for however far it is."""
 
 
 @kernel
 def relative(tree_a, tree_b, motion, made):
-    """Write the motion from the frame of b's profile to that of a's, of twelve numbers."""
+    """Write the motion (12,) from the frame of b's profile to that of a's."""
     fa, fb = tree_a.frame, tree_b.frame
     origin = moved(motion, (fb[3, 0], fb[3, 1], fb[3, 2]))
     offset = sub(origin, (fa[3, 0], fa[3, 1], fa[3, 2]))
@@ -41,7 +41,7 @@ def relative(tree_a, tree_b, motion, made):
 
 @kernel
 def measure_rings(tree_a, tree_b, state, motion, a, b, s, t, angle):
-    """Find the local minimum near points of two pieces of profiles; keep it where it is nearest."""
+    """Find a local minimum near points of two pieces; keep the points if they are the nearest."""
     progress, minima = state.progress[0], state.waiting.minima
     progress.primitive_tests += 1
     curves, errors = (tree_a.curves[a], tree_b.curves[b]), (progress.rel_err, progress.abs_err)
@@ -61,7 +61,7 @@ def measure_rings(tree_a, tree_b, state, motion, a, b, s, t, angle):
 
 @kernel
 def _take_plane(tree_a, state, p):
-    """Keep along which direction of a's plane the nearest points are apart; p is that of a."""
+    """Keep the direction between the nearest points in a's plane; p is the nearest point of a."""
     progress = state.progress[0]
     f, n = tree_a.frame, progress.normal_a
     p = sub(p, (f[3, 0], f[3, 1], f[3, 2]))
@@ -86,7 +86,7 @@ def _take_plane(tree_a, state, p):
 
 @kernel
 def _keep_points(tree_a, tree_b, state, motion, a, b, s, t, angle):
-    """Keep two points where they are nearer than those before, as points of their patches."""
+    """Keep two points, as points of their patches, if they are nearer than those before."""
     element_b, wb = place_of(tree_b, b, t, angle)
     x, y, _ = moved(motion, turning_point(tree_b.curves[b], t, angle))
     element_a, wa = place_of(tree_a, a, s, math.atan2(y, x))
@@ -100,7 +100,7 @@ def _keep_points(tree_a, tree_b, state, motion, a, b, s, t, angle):
 
 @inlined
 def find_minimum(state, a, b):
-    """Which minimum is of these two pieces; NONE where none is known."""
+    """Return the index of the minimum of these two pieces; NONE if none is known."""
     minima = state.waiting.minima
     for k in range(min(state.progress[0].minima, MINIMA)):
         if minima[k].curve_a == a and minima[k].curve_b == b:
@@ -110,7 +110,7 @@ def find_minimum(state, a, b):
 
 @inlined
 def nearest_minimum(state):
-    """Which of the minima that are remembered is the nearest; NONE where none is known."""
+    """Return the index of the nearest minimum remembered; NONE if none is known."""
     minima, found = state.waiting.minima, NONE
     for k in range(min(state.progress[0].minima, MINIMA)):
         if found == NONE or minima[k].distance < minima[found].distance:
@@ -120,7 +120,7 @@ def nearest_minimum(state):
 
 @kernel
 def keep_same(tree_a, tree_b, state):
-    """Keep the points that progress tells of as the nearest."""
+    """Keep the points that progress names, by elements and weights, as the nearest."""
     progress = state.progress[0]
     wa, wb = progress.weights_a, progress.weights_b
     a, b = progress.element_a, progress.element_b
@@ -144,7 +144,7 @@ def measure_again(tree_a, tree_b, state):
 
 @kernel
 def look_around(tree_a, tree_b, state):
-    """Find a local minimum from nothing: as a rule the nearest, but any of them may be found."""
+    """Find a local minimum from nothing: usually the nearest one, but it may be any."""
     motion = on_stack(12, 0.0)
     relative(tree_a, tree_b, state.motions[0], motion)
     i, j, angle = near_samples(tree_a.samples, tree_b.samples, motion)

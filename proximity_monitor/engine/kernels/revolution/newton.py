@@ -1,9 +1,9 @@
-"""Newton's method for the nearest points of two pieces of profiles that turn.
+"""Newton's method for the nearest points of two pieces of turning profiles.
 
-In the parameters s of a's piece, t of b's and b's angle; a's angle is that of b's point: see
-`bound`. It makes upper bounds alone, so whatever it does is right. Parameters at the end of their
-range that the gradient presses outwards are held there, and where the Hessian is not positive it is
-made so (Levenberg 1944, Marquardt 1963).
+Its unknowns are s on a's piece, t on b's, and b's angle; a's angle is that of b's point about a's
+axis: see `bound`. The method makes upper bounds only, so any result is valid. If a parameter is at
+an end of its range and the gradient presses it outwards, it is held there. If the Hessian is not
+positive, it is made so (Levenberg 1944, Marquardt 1963).
 """
 
 from __future__ import annotations
@@ -14,20 +14,21 @@ from ..base.jit import inlined, kernel
 from .profile import jet_of
 
 _MOST, _TRIALS = 24, 8
-"""Iterations, and trials of a step, at the most."""
+"""Iterations, and trials of a step, at most."""
 
 _LEAST = 2e-16
-"""Share of the squared distance by which a step has to make it less: rounding does as much."""
+"""A step that gains no more than this share of the squared distance is the last: rounding does as
+much."""
 
 _ROUNDED = 1e-14
-"""Share of it by which rounding may make it more."""
+"""Share of the squared distance by which rounding may increase it."""
 
 _SPARE = 1e-7
-"""Share of what is tolerated that a step has to gain, or it is the last one. The direction between
-the points has to be far closer than the distance: with 1e-4 bounds along it are twice as many."""
+"""A step that gains no more than this share of the tolerance is the last. The direction between the
+points has to be far more exact than the distance: with 1e-4, twice as many bounds are needed."""
 
 _PARALLEL = 1e-6
-"""Square of the tilt of the axes from which on straight pieces are no valley."""
+"""Square of the sine of the axes' tilt above which two straight pieces make no valley."""
 
 _WIDEST = 0.7
 """The largest step of the angle, radians."""
@@ -35,7 +36,7 @@ _WIDEST = 0.7
 
 @inlined
 def turned(motion, x, y, z):
-    """A vector of b's frame in that of a."""
+    """Turn a vector of b's frame into a's."""
     return (
         motion[0] * x + motion[1] * y + motion[2] * z,
         motion[3] * x + motion[4] * y + motion[5] * z,
@@ -45,11 +46,13 @@ def turned(motion, x, y, z):
 
 @kernel
 def derivatives_at(curve_a, curve_b, motion, s, t, angle):
-    """The way d in a's plane from a's point to b's, and the derivatives of its two parts.
+    """Return the vector d in a's plane from a's point to b's, and derivatives of its rho and z.
 
-    Returns the way; b's distance from a's axis and its azimuth there; the first derivatives of the
-    way's parts by s, t and the angle; the second derivatives of rho by tt, t angle and twice the
-    angle, and of z; a's second derivative; and the parts across the half-plane of b's derivatives.
+    Returns d; b's distance from a's axis and the cosine and sine of its azimuth there; the first
+    derivatives of d by s, t and the angle; the second derivatives of b's point by t twice, t and
+    the angle, and the angle twice; the second derivative of a's point; the parts of b's first
+    derivatives perpendicular to the half-plane; and b's distance from its own axis and its two
+    derivatives by t.
     """
     (rho, height), (rho_s, z_s), second = jet_of(curve_a, s)
     (r, z), (r1, z1), (r2, z2) = jet_of(curve_b, t)
@@ -80,7 +83,7 @@ def derivatives_at(curve_a, curve_b, motion, s, t, angle):
 
 @inlined
 def _solved(h, damping, g):
-    """The step -(H + damping)^-1 g, and whether that matrix is positive."""
+    """Return whether H + damping is positive definite, and the step -(H + damping)^-1 g."""
     h00, h10, h11, h20, h21, h22 = h
     least = 1e-14 * (abs(h00) + abs(h11) + abs(h22))
     none = (0.0, 0.0, 0.0)
@@ -106,9 +109,9 @@ def _solved(h, damping, g):
 
 @kernel
 def nearest_rings(curve_a, curve_b, motion, s, t, angle, rel_err, abs_err):
-    """The local minimum near s, t and an angle: the distance, metres, and these three there.
+    """Find the local minimum near s, t and an angle; return its distance, metres, s, t and angle.
 
-    It ends where the next step would gain little of what is tolerated.
+    The search ends when the next step would gain little compared with the tolerance.
     """
     damping = 0.0
     found = derivatives_at(curve_a, curve_b, motion, s, t, angle)
@@ -133,7 +136,7 @@ def nearest_rings(curve_a, curve_b, motion, s, t, angle, rel_err, abs_err):
         for _ in range(_TRIALS):
             positive, step = _solved((h00, h10, h11, h20, h21, h22), damping, (g0, g1, g2))
             if positive:
-                # The square becomes less by as much, where it is nearly quadratic.
+                # The squared distance falls by this gain if it is nearly quadratic.
                 gain = -(g0 * step[0] + g1 * step[1] + g2 * step[2])
                 distance = np.sqrt(squared)
                 tolerated = 2.0 * distance * max(abs_err, rel_err * distance)
@@ -144,7 +147,7 @@ def nearest_rings(curve_a, curve_b, motion, s, t, angle, rel_err, abs_err):
                 trial = derivatives_at(curve_a, curve_b, motion, new_s, new_t, new_angle)
                 way = trial[0]
                 new = way[0] * way[0] + way[1] * way[1]
-                if last:  # the gradient becomes much less by it, even if the distance does not
+                if last:  # it reduces the gradient much, even if not the distance
                     if new <= squared * (1.0 + _ROUNDED):
                         return np.sqrt(new), new_s, new_t, new_angle
                     return np.sqrt(squared), s, t, angle
@@ -161,10 +164,10 @@ def nearest_rings(curve_a, curve_b, motion, s, t, angle, rel_err, abs_err):
 
 @kernel
 def nearest_at_ends(curve_a, curve_b, motion, found, rel_err, abs_err):
-    """The nearer of a local minimum, as `nearest_rings` gives it, and those at the ends of lines.
+    """Return the nearest of a minimum from `nearest_rings` and those at the ends of two lines.
 
     Between lines that are about parallel the distance has a valley, along which Newton's method
-    hardly moves: the minimum is at one of its ends.
+    hardly moves: the minimum is at one of the valley's ends.
     """
     _, s, t, angle = found
     valley = curve_a.degree == 1 and curve_b.degree == 1 and 0.0 < s < 1.0 and 0.0 < t < 1.0
@@ -188,6 +191,6 @@ def nearest_at_ends(curve_a, curve_b, motion, found, rel_err, abs_err):
 
 @inlined
 def _beside(curve, rho, z):
-    """Where on a straight piece a point of its half-plane lies beside it."""
+    """Return the parameter at the foot of a point of the half-plane on a straight piece's line."""
     (x0, z0), (x, y), _ = jet_of(curve, 0.0)
     return ((rho - x0) * x + (z - z0) * y) / max(x * x + y * y, 1e-300)

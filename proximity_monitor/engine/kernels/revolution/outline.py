@@ -11,16 +11,16 @@ from ..tree.layout import row
 from .reach import reach_of
 
 _ROUNDING = 64.0 * DOUBLE_EPS
-"""What a reach along a unit vector errs by, as a share of the length P that arcs err by a share of
-and of the frame's distance from the origin: the products with the frame's axes err by less than 12
-u P, as these are perpendicular, and units, but for 4 u each, and that with its origin by 4 u."""
+"""Error of a reach along a unit vector, as a share of P, the length that errors of arcs are a share
+of, plus the distance of the frame's origin. The frame's axes are perpendicular units up to 4 u
+each, so the products with them err by less than 12 u P; the product with the origin errs by 4 u."""
 
 
 @kernel
 def outline_along(tree, n):
-    """How far a solid of revolution reaches along a unit vector, at most; metres.
+    """Return how far a solid of revolution reaches along a unit vector, at most; metres.
 
-    The vector's part across the axis is largest in the half-plane that it points into.
+    It reaches farthest in the half-plane that the vector points into.
     """
     frame = tree.frame
     x, y, z = dot(row(frame, 0), n), dot(row(frame, 1), n), dot(row(frame, 2), n)

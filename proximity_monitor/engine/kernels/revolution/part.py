@@ -1,10 +1,11 @@
 """Parts of a profile's Bezier pieces, and how two of them lie to each other.
 
 A part is an array (18, 5). Its rows up to the degree are control points: rho w, z w and w, then rho
-and z. Row 16 holds the parameters between which it lies on its piece, which piece that is, and how
-far its control points are to the right of its chord, at most 0, and to the left. Row 17 holds the
-box around them, and the chord's length. With positive weights a part is within the convex hull of
-its control points (Piegl and Tiller, The NURBS Book, 1997, section 4.2).
+and z. Row 16 (PLACE) holds the two parameters between which the part lies on its piece, the number
+of the piece, and how far control points are to the right of the chord, at most 0, and to the left.
+Row 17 (BOX) holds the box around the control points, and the chord's length. With positive weights
+a part is within the convex hull of its control points (Piegl and Tiller, The NURBS Book, 1997,
+section 4.2).
 """
 
 from __future__ import annotations
@@ -18,19 +19,19 @@ ROWS, COLUMNS = 18, 5
 PLACE, BOX = 16, 17
 
 LEG = 1e-14
-"""A leg of a control polygon that is shorter may be rounding, and has no direction."""
+"""A leg of a control polygon that is no longer may be rounding, so it has no direction."""
 
 _MOVED, _FOUND = 2.5, 1e-14
-"""By how much more graphs that rise by twice as much as they advance are moved against each other,
-at most, than one is moved: the root of 5. And how near along them a place is that is found."""
+"""The gap between two graphs of slopes up to 2 changes by at most the root of 5 times as much as
+one of them is moved: _MOVED is more. A place along a graph is found to within _FOUND."""
 
 _NEAREST = 2.0**-40
-"""Share of a part that is cut off at least, so that it can be told from nothing."""
+"""Share of a part that a cut leaves on either side at least, so that both halves have a length."""
 
 
 @kernel
 def take(net, degree, size, piece, part):
-    """Make a whole piece a part, in units of `size` metres."""
+    """Write a whole piece as a part, in units of `size` metres."""
     for i in range(degree + 1):
         part[i, 0], part[i, 1], part[i, 2] = net[i, 0] / size, net[i, 1] / size, net[i, 2]
     part[PLACE, 0], part[PLACE, 1], part[PLACE, 2] = 0.0, 1.0, piece
@@ -39,7 +40,7 @@ def take(net, degree, size, piece, part):
 
 @kernel
 def copy(part, degree, to):
-    """Write a part to another place."""
+    """Copy a part to another place."""
     for c in range(COLUMNS):
         for i in range(degree + 1):
             to[i, c] = part[i, c]
@@ -48,7 +49,7 @@ def copy(part, degree, to):
 
 @kernel
 def _measure(part, degree):
-    """Write what follows from the homogeneous control points and the parameters."""
+    """Write the entries that follow from the homogeneous control points and the parameters."""
     box = part[BOX]
     box[0], box[1], box[2], box[3] = np.inf, -np.inf, np.inf, -np.inf
     for i in range(degree + 1):
@@ -66,19 +67,19 @@ def _measure(part, degree):
 
 @kernel
 def extent(part):
-    """How wide or high the control points are."""
+    """Return how wide or high the box of the control points is, whichever is more."""
     return max(part[BOX, 1] - part[BOX, 0], part[BOX, 3] - part[BOX, 2])
 
 
 @kernel
 def width(part):
-    """How wide the strip along the chord is that holds the control points."""
+    """Return how wide the strip along the chord is that holds the control points."""
     return part[PLACE, 4] - part[PLACE, 3]
 
 
 @kernel
 def heading(part, degree):
-    """The unit vector along the chord; any where it has no length."""
+    """Return the unit vector along the chord; any if the chord has no length."""
     length = part[BOX, 4]
     if not length > 0.0:
         return 1.0, 0.0
@@ -87,17 +88,17 @@ def heading(part, degree):
 
 @kernel
 def _side(part, degree, x, y):
-    """How far a point is to the left of a part's chord."""
+    """Return how far a point is to the left of a part's chord."""
     u, v = heading(part, degree)
     return u * (y - part[0, 4]) - v * (x - part[0, 3])
 
 
 @kernel
 def halve(part, degree, before, after):
-    """Cut a part in two, neither of them where it is itself.
+    """Cut a part in two; neither half may be written to the part's own place.
 
-    Not at half its parameter, but where both end weights count as much: else a heavy one takes
-    dozens of cuts to come near.
+    The cut is not at half the parameter, but where both end weights count equally: else it takes
+    dozens of cuts to come near a heavy end.
     """
     t = 0.5
     if part[degree, 2] != part[0, 2]:
@@ -123,18 +124,18 @@ def halve(part, degree, before, after):
 
 @kernel
 def widen(net, degree, size, part, wider):
-    """Write a part that begins sooner and ends later by as much as its parameters differ."""
+    """Write a wider part: it begins sooner and ends later by the length of the parameter range."""
     low, high = part[PLACE, 0], part[PLACE, 1]
     step = high - low
     low, high = max(low - step, 0.0), min(high + step, 1.0)
     for i in range(degree + 1):
         wider[i, 0], wider[i, 1], wider[i, 2] = net[i, 0] / size, net[i, 1] / size, net[i, 2]
-    for level in range(1, degree + 1):  # what is beyond `high` is cut off
+    for level in range(1, degree + 1):  # cut off what is beyond `high`
         for i in range(degree, level - 1, -1):
             for c in range(3):
                 wider[i, c] = (1.0 - high) * wider[i - 1, c] + high * wider[i, c]
     t = low / high
-    for level in range(degree):  # and what is below `low`
+    for level in range(degree):  # and what is below `low`, now at t
         for i in range(degree - level):
             for c in range(3):
                 wider[i, c] = (1.0 - t) * wider[i, c] + t * wider[i + 1, c]
@@ -144,11 +145,11 @@ def widen(net, degree, size, part, wider):
 
 @kernel
 def directions(part, degree):
-    """The angles between which the legs of the control polygon run, radians: least and greatest.
+    """Return the least and greatest angle of the control polygon's legs, radians.
 
-    Whatever the weights, the curve's tangents are sums of them with factors of at least 0: the
+    Whatever the weights, the curve's tangents are sums of the legs with factors of at least 0: the
     derivative is the sum over i < j of (p_j - p_i) w_i w_j B_i B_j (j - i) / (t (1 - t) w^2). Legs
-    no longer than LEG count for nothing. The least angle is above the greatest if there is no leg.
+    no longer than LEG do not count. If there is no leg, the least angle is above the greatest.
     """
     u, v, first, low, high = 0.0, 0.0, 0.0, np.inf, -np.inf
     for i in range(degree):
@@ -165,7 +166,7 @@ def directions(part, degree):
 
 @kernel
 def _beside(a, degree_a, b, degree_b):
-    """Whether all of b is on one side of the strip that holds a, or beyond one of its ends."""
+    """Return whether all of b is on one side of the strip that holds a, or beyond its ends."""
     u, v = heading(a, degree_a)
     least, most, low, high = np.inf, -np.inf, np.inf, -np.inf
     for i in range(degree_b + 1):
@@ -184,7 +185,7 @@ def _beside(a, degree_a, b, degree_b):
 
 @kernel
 def separate(a, degree_a, b, degree_b):
-    """Whether parts have no point in common, as a line between their control points proves."""
+    """Return whether a line between control points proves that parts have no point in common."""
     for c in (0, 2):
         if a[BOX, c] > b[BOX, c + 1] or b[BOX, c] > a[BOX, c + 1]:
             return True
@@ -193,10 +194,10 @@ def separate(a, degree_a, b, degree_b):
 
 @kernel
 def parted(a, degree_a, b, degree_b, near):
-    """Whether a line through the point where a ends and b begins has them on different sides.
+    """Return whether a line through the joint, where a ends and b begins, separates a from b.
 
-    Where there is one, there is one through a control point as well. Those that are beyond it by
-    less than `near` are taken to be on it; so are both ends, if they are apart.
+    If there is such a line, there is one through a control point as well. Control points beyond the
+    line by less than `near` count as on it; so do both ends at the joint, if they are apart.
     """
     for k in range(degree_a + degree_b):
         u, v = _from_joint(a, degree_a, b, k)
@@ -218,7 +219,7 @@ def parted(a, degree_a, b, degree_b, near):
 
 @kernel
 def _from_joint(a, degree, b, i):
-    """The vector to a control point of a from its last, or to one of b from its first."""
+    """Return the vector to a control point of a from its last, or to one of b from its first."""
     if i < degree:
         return a[i, 3] - a[degree, 3], a[i, 4] - a[degree, 4]
     return b[i - degree + 1, 3] - b[0, 3], b[i - degree + 1, 4] - b[0, 4]
@@ -226,13 +227,15 @@ def _from_joint(a, degree, b, i):
 
 @kernel
 def cross(a, degree_a, b, degree_b, least):
-    """Whether parts cross for certain, and would if one were moved by up to `least`; and where.
+    """Return whether parts cross for certain, even if one is moved by up to `least`; and where.
 
-    Both advance along a direction midway between their chords, so they are graphs over it. One is
-    above the other where they begin to be beside each other, and below it where they cease to.
+    Both parts advance along a direction midway between their chords, so they are graphs over it.
+    They cross if one is above the other where their common range begins, and below it where the
+    range ends.
 
     Returns:
-        (1, rho, z) if they do; 0 if they do not so; -1 if they nearly meet where one of them ends.
+        (1, rho, z) if they cross; 0 first if this proves no crossing; -1 first if they nearly meet
+        where one of them ends.
     """
     u, v = heading(a, degree_a)
     x, y = heading(b, degree_b)
@@ -264,9 +267,9 @@ def cross(a, degree_a, b, degree_b, least):
 
 @kernel
 def _advances(part, degree, u, v):
-    """Whether all legs of the control polygon lead along a direction, or all against it.
+    """Return whether all legs of the control polygon lead along a direction, or all against it.
 
-    That is, as far as they go away from it, they go half as far along it at least.
+    Each leg has to go at least half as far along the direction as away from it.
     """
     sign = (part[degree, 3] - part[0, 3]) * u + (part[degree, 4] - part[0, 4]) * v
     for i in range(degree):
@@ -279,9 +282,10 @@ def _advances(part, degree, u, v):
 
 @kernel
 def point_on(net, degree, t, rows):
-    """The point of a piece at t, metres, and its weight, by de Casteljau's method.
+    """Return the point of a piece or a part at t, in the units of `net`, and its weight.
 
-    Writes the two control points between which it lies last, x w, y w and w, to the first rows.
+    By de Casteljau's method. Its last two control points, between which the point lies, are left in
+    the first rows: x w, y w and w.
     """
     for i in range(degree + 1):
         for c in range(3):
@@ -298,7 +302,7 @@ def point_on(net, degree, t, rows):
 
 @kernel
 def _across(part, degree, u, v, along):
-    """How far a part is to the left of a direction where it is so far along; else not a number."""
+    """Return how far a part is to the left of a direction at `along`; NaN if that is not found."""
     rows = table_on_stack(PLACE, 3, 0.0)
     low, high = 0.0, 1.0
     first, last = u * part[0, 3] + v * part[0, 4], u * part[degree, 3] + v * part[degree, 4]
@@ -319,7 +323,7 @@ def _across(part, degree, u, v, along):
 
 @kernel
 def cross_wider(nets, degrees, size, a, b, least):
-    """The same of parts, or of wider ones if they nearly meet where one of them ends."""
+    """Return whether parts `cross`, and where; if they nearly meet at an end, test wider parts."""
     i, j = np.int64(a[PLACE, 2]), np.int64(b[PLACE, 2])
     found, rho, z = cross(a, degrees[i], b, degrees[j], least)
     if found >= 0:

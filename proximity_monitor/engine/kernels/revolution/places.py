@@ -1,8 +1,8 @@
-"""Points of a profile that turns as points of the patches that it sweeps, and back.
+"""Points of a turning profile as points of the patches that it sweeps, and back.
 
-A patch's second parameter runs around the axis, a quarter turn from each whole number to the next:
-a rational quadratic with the weights 1, sqrt(1/2) and 1. There
-s : 1 - s = sin(phi / 2) : sin(pi / 4 - phi / 2) at the angle phi.
+A patch's second parameter runs around the axis, a quarter turn from each whole number to the next.
+Each quarter is a rational quadratic with the weights 1, sqrt(1/2) and 1. At the angle phi in it,
+its parameter s from 0 to 1 is given by s : 1 - s = sin(phi / 2) : sin(pi / 4 - phi / 2).
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from .profile import jet_of
 
 @kernel
 def turning_point(curve, t, angle):
-    """The point of a piece of a profile at t and an angle, metres, the profile's frame."""
+    """Return the point of a piece at t and an angle, metres, in the profile's frame."""
     (rho, z), _, _ = jet_of(curve, t)
     return (rho * math.cos(angle), rho * math.sin(angle), z)
 
 
 @kernel
 def place_of(tree, k, t, angle):
-    """The element of a tree's patches at t on the k-th piece and an angle; its weights there."""
+    """Return the element of the patches at t on the k-th piece and an angle, and its weights."""
     curve = tree.curves[k]
     part = min(np.int64(t * curve.parts), np.int64(curve.parts - 1))
     u = min(max(t * curve.parts - part, 0.0), 1.0)
@@ -42,7 +42,7 @@ def place_of(tree, k, t, angle):
 
 @kernel
 def spot_of(tree, element, weights):
-    """Which piece of the profile a point of an element lies on, and t and the angle there."""
+    """Return the piece of the profile that a point of an element lies on, and its t and angle."""
     piece = tree.pieces[element]
     k = 0
     for i in range(len(tree.curves)):

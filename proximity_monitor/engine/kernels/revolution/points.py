@@ -22,7 +22,7 @@ from .meridian import angle_of, place_in
 from .places import place_of
 
 _LOOKS = 8
-"""Arcs that take as long as a step of a descent."""
+"""Looks at arcs that count as one step of a descent."""
 
 
 @entry
@@ -30,9 +30,10 @@ def closest_points_of_revolution(
     table, pose, points, max_distance, rel_err, abs_err, signed, first, steps,
     bounds, feet, elements, parameters,
 ):  # fmt: skip
-    """As `closest_points` of a surface, of the solid of a table; distances may be signed.
+    """Find the points of a solid nearest to given ones, as `closest_points` of a surface does.
 
-    Returns how many are done: all, or as many as about `steps` steps suffice for, at least one.
+    `table` is the solid's; distances may be signed. Returns how many points are done: all, or as
+    many as about `steps` steps suffice for, at least one.
     """
     tree, _ = tree_at(RevolutionTree, table)
     deviation, joints = tree.scale[DEVIATION], joints_err(tree)

@@ -11,7 +11,7 @@ WIDTH = 16
 
 @kernel
 def jet_of(curve, t):
-    """The point of a piece at t, and its first two derivatives: three pairs of rho and z, metres.
+    """Return the point of a piece at t, and its first two derivatives: three (rho, z), metres.
 
     By de Casteljau's method, and the quotient rule (Piegl and Tiller, The NURBS Book, 1997,
     equation 4.8).
@@ -57,14 +57,14 @@ def put_part(curve, low, high, rows):
         for c in range(3):
             rows[i, c] = curve.control[3 * i + c]
     if high < 1.0:
-        # What is left of `high`: the first points of each level.
+        # Keep what is below `high`: the first points of each level.
         for level in range(degree):
             for i in range(degree, level, -1):
                 for c in range(3):
                     rows[i, c] = (1.0 - high) * rows[i - 1, c] + high * rows[i, c]
     if low > 0.0:
-        # Right of `low`, which is a share of what is there now.
-        share, left = low / high, (high - low) / high  # 1 - share would lose what is near the end
+        # Keep what is above `low`, which is a share of the part that is there now.
+        share, left = low / high, (high - low) / high  # 1 - share would lose digits near the end
         for level in range(degree):
             for i in range(degree - level):
                 for c in range(3):

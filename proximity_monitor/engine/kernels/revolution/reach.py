@@ -1,9 +1,9 @@
 """How far parts of a profile reach along vectors of its plane: the support functions of fat arcs.
 
-What a part reaches along a vector is no more than what its arcs do, and the finer these, the less.
-To look into them takes some thirty arcs from the whole down. So what the largest parts reach along
-a few vectors is kept, those around the square |x| + |z| = 1. A support function is sublinear: along
-a vector between two of these a part reaches no more than what is interpolated.
+A part reaches no farther along a vector than its arcs do, and finer arcs give a tighter bound.
+Looking into a part takes some thirty arcs from the root down. So the reaches of the largest parts
+along a few vectors are stored, those around the square |x| + |z| = 1. A support function is
+sublinear: along a vector between two of these a part reaches no more than their interpolation.
 """
 
 from __future__ import annotations
@@ -16,51 +16,52 @@ from ..base.rounding import DOUBLE_EPS
 from ..base.trees import NONE, VECTORS
 
 _SIDE = (VECTORS - 1) // 4
-"""Vectors that are kept of each side of the square."""
+"""Vectors on each side of the square for which reaches are stored."""
 
 _PARTS = 64
-"""Parts of a profile of which they are kept, at most: all its pieces, if these are about 30."""
+"""Parts of a profile whose reaches are stored, at most: all its pieces, if these are about 30."""
 
 _ROUNDING = 128.0 * DOUBLE_EPS
 """What rounding does to an interpolated reach, as a share of the largest coordinate P.
 
-The place around the square errs by less than 12 u of a vector of length 1, and what a part reaches
-changes by less than 3 P times that. What is kept errs by less than 32 u P, and the interpolation by
-less than 16 u P.
+The place around the square errs by less than 12 u of a vector of length 1, which changes the reach
+of a part by less than 3 P times that. Stored reaches err by less than 32 u P, and the interpolation
+by less than 16 u P.
 """
 
 _STACK = 128
-"""Arcs that may wait: twice as many as a tree is deep."""
+"""Room for arcs that wait, twice the depth of a tree."""
 
 
 @inlined
 def arc_at(arcs, own, i):
-    """An arc of a tree, or one of those that follow it."""
-    # Unsigned, here and below: numba looks at each access whether an index is negative.
+    """Return arc i of a tree; those in `own` follow the tree's own arcs."""
+    # Unsigned, here and below: else numba checks at each access whether an index is negative.
     return arcs[np.uint64(i)] if i < len(arcs) else own[np.uint64(i - len(arcs))]
 
 
 @inlined
 def bulge(arc):
-    """How far an arc bulges from its chord, metres."""
+    """Return how far an arc bulges from its chord, metres."""
     half = np.sqrt(arc.half[0] * arc.half[0] + arc.half[1] * arc.half[1])
     return half * abs(arc.sine) / (1.0 + arc.cosine)
 
 
 @inlined
 def _reach(arc, x, z):
-    """What a fat arc reaches along a vector of the plane."""
+    """Return the reach of a fat arc along a vector of the plane."""
     reach = reach_from_middle(arc.half[0], arc.half[1], arc.sine, arc.cosine, x, z)
     return x * arc.middle[0] + z * arc.middle[1] + arc.error * np.sqrt(x * x + z * z) + reach
 
 
 @inlined
 def reach_from_middle(hx, hz, sine, cosine, x, z):
-    """What an arc reaches along a vector from the middle of its chord; the numbers are an ARC's."""
+    """Return an arc's reach along a vector from its chord's middle; the numbers are an ARC's."""
     along = x * hx + z * hz
     if sine != 0.0:
-        # Where the vector is a normal of the arc, by r (|v| - cos(alpha) v . bulge), r = half /
-        # sin(alpha): written so that nothing cancels where the arc is nearly straight.
+        # If the vector is a normal of the arc, the reach is r (|v| - cos(alpha) v . b), with b the
+        # unit vector of the bulge and r = half / sin(alpha): written so that nothing cancels if the
+        # arc is nearly straight.
         up = hx * z - hz * x
         up, sine = (up, sine) if sine > 0.0 else (-up, -sine)
         if up > 0.0 and abs(along) * cosine <= up * sine:
@@ -72,7 +73,7 @@ def reach_from_middle(hx, hz, sine, cosine, x, z):
 
 @inlined
 def _around(x, z):
-    """Where a vector is around the square, in parts of its sides, and its |x| + |z|."""
+    """Return a vector's place around the square, counted in stored vectors, and its |x| + |z|."""
     size = max(abs(x) + abs(z), 1e-300)
     back = _SIDE * (1.0 - x / size)
     return (back if z >= 0.0 else 4.0 * _SIDE - back), size
@@ -80,7 +81,7 @@ def _around(x, z):
 
 @inlined
 def _coarse(arcs, own, reaches, i, x, z, place, size):
-    """What is known of a part's reach without looking into it; place and size as of `_around`."""
+    """Return a bound of a part's reach without looking into it; `_around` gives place and size."""
     if i >= len(reaches):
         return _reach(arc_at(arcs, own, i), x, z)
     row, k = reaches[np.uint64(i)], min(np.int64(place), np.int64(4 * _SIDE - 1))
@@ -90,7 +91,7 @@ def _coarse(arcs, own, reaches, i, x, z, place, size):
 
 @kernel
 def _look_into(arcs, own, reaches, i, fine, x, z, place, size, here, floor):
-    """See `reach_of`, where more than the floor, `here`, is known of the part without its arcs."""
+    """Return `reach_of` a part whose coarse bound, `here`, is above the floor."""
     stack, values = on_stack(_STACK, np.int32(0)), on_stack(_STACK, 0.0)
     top, best = 1, floor
     stack[0], values[0] = i, here
@@ -126,17 +127,17 @@ def _reach_of(arcs, own, reaches, i, fine, x, z, floor):
 
 @inlined
 def reach_of(tree, own, i, fine, x, z, floor):
-    """What a part of a profile reaches along a vector, by its arcs of errors below `fine` metres.
+    """Return how far a part reaches along a vector, by its arcs with errors below `fine` metres.
 
-    Those that reach less than others, or than what is asked about, the floor, are not looked into;
-    that is the answer where none reaches more.
+    Arcs that reach no farther than others, or than `floor`, are not looked into. If none reaches
+    beyond the floor, the result is the floor.
     """
     return _reach_of(tree.arcs, own, tree.reaches, i, fine, x, z, floor)
 
 
 @inlined
 def most_in(sector, x, y):
-    """The most that (x, y) . u is for unit vectors u of a sector."""
+    """Return the maximum of (x, y) . u over the unit vectors u of a sector."""
     cosine, sine, far, side = sector
     a, b = x * cosine + y * sine, y * cosine - x * sine
     across = np.sqrt(x * x + y * y)
@@ -145,17 +146,17 @@ def most_in(sector, x, y):
 
 @inlined
 def reach_in(tree, own, i, fine, sector, v, floor):
-    """What an arc that turns about z in a sector reaches along a vector of space; see `reach_of`.
+    """Return the reach along a vector of space of an arc that turns about z in a sector.
 
     The vector's part across z is largest in the half-plane nearest to it, and no arc is beyond the
-    axis.
+    axis; so the arc reaches farthest there. See `reach_of`.
     """
     return reach_of(tree, own, i, fine, most_in(sector, v[0], v[1]), v[2], floor)
 
 
 @inlined
 def coarse_in(tree, own, i, sector, v):
-    """The same, without a look into arcs: it may be somewhat more."""
+    """Return the same without looking into arcs: the bound may be larger."""
     x = most_in(sector, v[0], v[1])
     place, size = _around(x, v[2])
     return _coarse(tree.arcs, own, tree.reaches, i, x, v[2], place, size)
@@ -163,16 +164,16 @@ def coarse_in(tree, own, i, sector, v):
 
 @allocating_entry
 def take_reaches(arcs, size):
-    """What the largest parts of a profile reach along vectors around the square.
+    """Return the reaches of the largest parts of a profile along vectors around the square.
 
     Args:
         arcs: (k,) ARC, the tree around all.
-        size: metres; the largest coordinate of a control point.
+        size: metres; P of `_ROUNDING`, no less than a control point's coordinates.
 
     Returns:
-        (m, VECTORS) metres, those of the tree's first m parts; the last vector is the first again.
+        (m, VECTORS) metres, for the tree's first m parts; the last vector is the first again.
     """
-    # Both halves of a part stand together, after an odd number of them.
+    # The halves of a part follow an odd number of parts, so an odd count separates no two halves.
     count = min(len(arcs), _PARTS - 1)
     made, none = np.empty((count, VECTORS)), np.empty((0, VECTORS))
     for i in range(count - 1, -1, -1):

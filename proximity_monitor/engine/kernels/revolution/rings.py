@@ -1,10 +1,11 @@
-"""The search for the least distance of two profiles that turn: rings, the nearest pair first.
+"""The search for the least distance of two turning profiles: pairs of rings, the nearest first.
 
-A pair of rings is a fat arc of a, which turns all around, and one of b in a sector. First the
-whole is parted into a small pair around the nearest minimum that is known and what is left of both
-arcs and the sector, most of which is farther along one direction. Of what remains the pair with the
-least bound is taken; where it holds a local minimum that is known, it is tried whether no other is
-in it (`certificate`); else the longest of both arcs and the sector is halved.
+A ring is what a fat arc sweeps about its axis. A pair of rings is a fat arc of a over the full turn
+and one of b in a sector. First the whole pair, of both profiles over the full turn, is divided into
+a small pair around the nearest known minimum, and the rest of both arcs and of the sector. Most of
+the rest is farther along one direction. Then the open pair with the least bound is taken. If it
+holds a known local minimum, try to prove that it holds no other (`certificate`). Else halve one of
+both arcs and the sector, whichever is farthest from straight.
 """
 
 from __future__ import annotations
@@ -27,12 +28,12 @@ from .newton import derivatives_at
 from .reach import arc_at
 
 _SHORT = 1e-13
-"""Share of the models' sizes below which an arc is not halved."""
+"""Bend, as a share of both models' sizes, up to which neither arcs nor sectors are halved."""
 
 
 @kernel
 def begin_rings(tree_a, tree_b, state):
-    """Open the pair of all that turns."""
+    """Start with the whole pair: all of a's profile and of b's, over the full turn."""
     progress, waiting = state.progress[0], state.waiting
     progress.rings, progress.slots, progress.least_cells = 1, 1, np.inf
     progress.minima = 0
@@ -46,7 +47,7 @@ def begin_rings(tree_a, tree_b, state):
 
 @kernel
 def _take_apart(tree_a, tree_b, state, motion):
-    """Deal with the pair of rings that has the least bound; returns the steps that took."""
+    """Prove or divide the pair of rings with the least bound; return the steps taken."""
     progress, waiting = state.progress[0], state.waiting
     ring = waiting.rings[waiting.heap[0]]
     if ring.half >= math.pi and ring.a == 0 and ring.b == 0:
@@ -77,7 +78,7 @@ def _take_apart(tree_a, tree_b, state, motion):
     if bound >= progress.limit:
         keep_ring(state, a, b, angle, half, sector, n, e)
         return steps
-    # What is farthest from straight is halved: bounds of chords that turn nowhere are exact.
+    # Halve what is farthest from straight: for straight chords at one angle the bounds are exact.
     short = _SHORT * (tree_a.scale[2] + tree_b.scale[2])
     long_a, long_b, around = bends(arc_a, arc_b, sector, half, motion)
     of_a = of_b = np.int64(NONE)
@@ -117,10 +118,11 @@ def _take_apart(tree_a, tree_b, state, motion):
 
 @kernel
 def _along_own(tree_a, tree_b, state, motion, a, b, angle, half, sector):
-    """A lower bound of a pair of which nothing is left to halve, along the way at its own minimum.
+    """Return a lower bound of a pair that cannot be halved, along the direction at its minimum.
 
-    That is looked for here: where chords are long and at an angle, `facing` may be far off, so that
-    they seem too far apart to look for it even if they cross. Minus infinity where there is none.
+    The minimum is looked for here: if chords are long and at an angle, `facing` may be far off, and
+    the chords seem too far apart to look for it even if they cross. Minus infinity if there is no
+    direction.
     """
     arc_a = arc_at(tree_a.arcs, state.waiting.arcs_a, a)
     arc_b = arc_at(tree_b.arcs, state.waiting.arcs_b, b)
@@ -145,9 +147,10 @@ def _along_own(tree_a, tree_b, state, motion, a, b, angle, half, sector):
 
 @inlined
 def _is_enough(progress):
-    """Whether the distance found answers, whatever bounds say.
+    """Return whether the distance found is the answer, whatever the bounds are.
 
-    As no distance is negative, one that may err by all of itself needs no lower bound.
+    No distance is negative. So if the tolerance is as large as the distance, no lower bound is
+    needed.
     """
     met = progress.distance - progress.slack <= progress.stop
     return met or progress.distance + progress.slack <= progress.abs_err
@@ -157,7 +160,7 @@ def _is_enough(progress):
 def search_rings(tree_a, tree_b, state):
     """Run a search for the steps that it has left.
 
-    Returns ENDED, CUT, or CELLS_FULL where bounds cannot be improved as far as was asked for.
+    Returns ENDED, CUT, or CELLS_FULL if bounds cannot be improved as far as was asked for.
     """
     progress = state.progress[0]
     progress.open, progress.waiting = 0, 0

@@ -1,6 +1,6 @@
-"""Solids of revolution as the search for balls asks about them: in the half-plane of each point.
+"""Solids of revolution in the search for balls: queries are answered in each point's half-plane.
 
-What that finds is told as a point of the patches, so that all else is asked of these.
+Results are returned as points of the patches, so that all other queries go to the patches.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from .places import place_of
 from .sleeves import sleeves
 
 _LOOKS = 8
-"""Arcs that take as long as a step of a descent."""
+"""Looks at arcs that count as one step of a descent."""
 
 _WINDING = 2
-"""Steps that a winding number takes as long as."""
+"""Steps that a winding number counts as."""
 
 
 @implements(feet.seek, RevolutionTree)
@@ -64,7 +64,7 @@ def _cap(tree, o, n, radius, height, top, slack, stack):
     return answer, 1 + looks // _LOOKS
 
 
-# The rest is asked of the patches, as they are.
+# All other queries go to the patches, unchanged.
 
 
 @implements(feet.foot_of, RevolutionTree)

@@ -1,14 +1,14 @@
 """Where a triangle is nearest to a solid of revolution: Newton's method on the solid's distance.
 
 All is in the frame of the profile, whose z is the axis. The distance f of a point y is that of
-(rho, z) from the profile. With n its gradient, c the curvature of the profile where that is
-nearest, towards y, and m the unit vector across n in the half-plane of y, its second derivatives
-are those of an offset surface (do Carmo 1976, section 3-3):
+(rho, z) from the profile. Let n be the gradient of f, c the curvature of the profile at the nearest
+point, positive towards y, and m the unit vector perpendicular to n in the half-plane of y. The
+second derivatives of f are those of an offset surface (do Carmo 1976, section 3-3):
 
-    along m  -c / (1 - c f),  or 1 / f where a corner is nearest;  around the axis  n_rho / rho.
+    along m  -c / (1 - c f),  or 1 / f if a corner is nearest;  around the axis  n_rho / rho.
 
-Outside of a convex solid f is convex, so that its quadratic model has a least value over the
-triangle, which lies within or on an edge. It makes upper bounds alone: whatever it does is right.
+Outside a convex solid f is convex, so its quadratic model has a minimum in the triangle, inside it
+or on an edge. The method makes upper bounds only, so any result is valid.
 """
 
 from __future__ import annotations
@@ -23,21 +23,23 @@ from .closest import nearest_on
 from .profile import jet_of
 
 Reach = namedtuple("Reach", "distance normal across around bend turn piece t")
-"""How far a point is from a solid: metres; the gradient n, the unit vectors m and that around the
-axis, the second derivatives along these, 1/metres; and where the profile is nearest."""
+"""How far a point is from a solid, metres: `normal` is the gradient n, `across` is m, `around` the
+unit vector around the axis; `bend` and `turn` are the second derivatives along m and around, 1/m;
+`piece` and `t` tell where the profile is nearest."""
 
 _STEPS, _LEAST, _MOST = 16, 0.1, 0.8
-"""Steps of Newton's method; and what share of one is left that does not lead nearer, at the least
-and at the most."""
+"""Steps of Newton's method; the least and the largest share to which a step that does not lead
+nearer is shortened."""
 
 _GAIN = 1e-13
-"""Share of the distance that is no gain: a step is good then whatever rounding says."""
+"""Share of the distance that is no gain: a step that promises less is taken, whatever rounding
+says."""
 
 _CORNER = 1e-9
-"""Cosine between a tangent and the gradient from which on the end of a piece is a corner."""
+"""Cosine between the tangent and the gradient above which the end of a piece counts as a corner."""
 
 _FLAT = 1e-12
-"""Share of both second derivatives' product that their determinant has at the least."""
+"""Share of the product of both second derivatives that their determinant has to exceed."""
 
 
 @kernel
@@ -49,7 +51,7 @@ def _nearest(tree, y, spare):
 
 @kernel
 def gradient_at(tree, y, spare):
-    """The Reach of a point of the profile's frame; its distance is right to `spare` metres."""
+    """Return the Reach of a point of the profile's frame, its distance right to `spare` metres."""
     rho, piece, t = _nearest(tree, y, spare)
     (r, z), (r1, z1), (r2, z2) = jet_of(tree.curves[piece], t)
     dr, dz = rho - r, y[2] - z
@@ -72,7 +74,7 @@ def gradient_at(tree, y, spare):
 
 @kernel
 def foot_of(tree, y, spare):
-    """The point of a solid's boundary nearest to one, in the half-plane of that."""
+    """Return the point of a solid's boundary nearest to y, in the half-plane of y."""
     rho, piece, t = _nearest(tree, y, spare)
     (r, z), _, _ = jet_of(tree.curves[piece], t)
     share = r / rho if rho > 0.0 else 0.0
@@ -81,7 +83,7 @@ def foot_of(tree, y, spare):
 
 @kernel
 def _along_edge(gv, gw, hvv, hvw, hww, v, w, dv, dw):
-    """The least of the model along an edge from (v, w): how far, 0 to 1, and the value there."""
+    """Return the least value of the model along an edge from (v, w), and the v and w there."""
     slope = gv * dv + gw * dw + hvv * v * dv + hvw * (v * dw + w * dv) + hww * w * dw
     bend = hvv * dv * dv + 2.0 * hvw * dv * dw + hww * dw * dw
     s = min(max(-slope / bend, 0.0), 1.0) if bend > 0.0 else (0.0 if slope >= 0.0 else 1.0)
@@ -91,7 +93,7 @@ def _along_edge(gv, gw, hvv, hvw, hww, v, w, dv, dw):
 
 @kernel
 def _least(gv, gw, hvv, hvw, hww, v, w):
-    """The step from (v, w) within the triangle to the least of a quadratic model, and that less."""
+    """Return a quadratic model's least change in the triangle, and the step to it from (v, w)."""
     det = hvv * hww - hvw * hvw
     if det > _FLAT * hvv * hww:
         dv, dw = (hvw * gw - hww * gv) / det, (hvw * gv - hvv * gw) / det
@@ -109,11 +111,11 @@ def _least(gv, gw, hvv, hvw, hww, v, w):
 
 @kernel
 def nearest_of_triangle(tree, triangle, v, w, spare, rel_err, abs_err, limit):
-    """The point a + v (b - a) + w (c - a) of a triangle nearest to a solid, from one with such.
+    """Find the point a + v (b - a) + w (c - a) of a triangle nearest to a solid, from a given v, w.
 
-    Returns its Reach, the point, v and w. It ends where the plane across the gradient leaves half
-    of the tolerances at most (Frank and Wolfe 1956), or tells that nothing is below the limit. The
-    distance of a point need not be known better than to `spare` metres.
+    Returns its Reach, the point, v and w. The search ends if the plane perpendicular to the
+    gradient leaves at most half of the tolerances (Frank and Wolfe 1956), or proves that nothing is
+    below the limit. The distance of a point need not be known better than to `spare` metres.
     """
     a, b, c = triangle
     e, f = sub(b, a), sub(c, a)
@@ -133,7 +135,7 @@ def nearest_of_triangle(tree, triangle, v, w, spare, rel_err, abs_err, limit):
             less, dv, dw = _least(gv, gw, hvv, p * me * mf + q * oe * of, hww, v, w)
             if not less < 0.0:
                 break
-            if here.distance + less < 0.0:  # to where the boundary is met
+            if here.distance + less < 0.0:  # only as far as the boundary
                 share = min(-here.distance / (gv * dv + gw * dw), 1.0)
                 dv, dw = share * dv, share * dw
         x, z = max(v + dv, 0.0), max(w + dw, 0.0)
@@ -143,7 +145,7 @@ def nearest_of_triangle(tree, triangle, v, w, spare, rel_err, abs_err, limit):
         if fresh:
             here, y, v, w = there, at, x, z
         else:
-            # To where the slopes at both ends have it level, if these are right.
+            # Shorten the step to where the slope is zero, interpolated between both ends.
             before, after = gv * dv + gw * dw, dot(there.normal, e) * dv + dot(there.normal, f) * dw
             share = before / (before - after) if after > 0.0 else _LEAST
             share = min(max(share, _LEAST), _MOST)

@@ -1,10 +1,11 @@
-"""A solid of revolution that a ball sweeps along a circle, a torus: what this circle tells.
+"""Bounds for tubes: a tube is a torus or a sphere, which a ball sweeps along a circle.
 
-All of it is within its radius of the circle, which is a point where the solid is a sphere. So
-nothing of another one is nearer to it than to the circle, less the radius. Of two tori that is
-found by the distance of their circles (circles.py), of a sphere beside any solid in the half-plane
-through its centre (closest.py). Where the nearest points are a whole circle, as of a ball in a
-socket or of coaxial rings, pairs of arcs about two axes would be divided there without end.
+All of a tube is within the ball's radius of the circle, which is a point for a sphere. So the
+distance from the circle minus the radius is a lower bound of the distance from the tube. For two
+tori it comes from the distance of their circles (circles.py), for a sphere beside any solid from
+the half-plane through the sphere's centre (closest.py). If the nearest points are a whole circle,
+as of a ball in a socket or of coaxial rings, dividing pairs of arcs about two axes would never end
+there.
 """
 
 from __future__ import annotations
@@ -23,31 +24,31 @@ from .minima import measure_rings
 from .places import turning_point
 
 _SPARE = 0.125 * RESOLUTION
-"""Share of both models' sizes by which a bound may be less than it could be."""
+"""Share of both models' sizes by which a bound may be less than the best one."""
 
 _MARGIN = 256.0 * DOUBLE_EPS
-"""What a centre errs by, as a share of how far it is off and of the lengths that arcs err by shares
-of. Moving it into the other profile's frame takes 30 u of these, and that frame's axes as much."""
+"""Error of a centre, as a share of its offset plus both lengths that errors of arcs are a share of.
+Moving it into the other profile's frame takes 30 u of these, and that frame's axes as much."""
 
 _LOOKS = 4
-"""Looks at arcs that take as long as a step of a search."""
+"""Looks at arcs that count as one step of a search."""
 
 
 @inlined
 def _height(tree):
-    """The z of the circle."""
+    """Return the z of the circle."""
     return tree.frame[5, 0]
 
 
 @inlined
 def _radius(tree):
-    """That of the ball; 0 of all other solids."""
+    """Return the radius of the ball; 0 for all other solids."""
     return tree.frame[5, 1]
 
 
 @inlined
 def _around(tree):
-    """The radius of the circle; 0 of a sphere."""
+    """Return the radius of the circle; 0 for a sphere."""
     return tree.frame[5, 2]
 
 
@@ -58,14 +59,17 @@ def _is_sphere(tree):
 
 @inlined
 def are_tubes(tree_a, tree_b):
-    """Whether the circle of one of two solids tells how far they are apart."""
+    """Return whether the circle of one of two solids tells how far apart the solids are."""
     both = _radius(tree_a) > 0.0 and _radius(tree_b) > 0.0
     return both or _is_sphere(tree_a) or _is_sphere(tree_b)
 
 
 @inlined
 def _foot(tree, p, margin, spare):
-    """The point of a profile that is nearest to a point of its frame; else as `nearest_on`."""
+    """Find the point of a profile nearest to a point of its frame; see `nearest_on`.
+
+    Returns a lower bound of the distance, metres, the piece, t and the looks.
+    """
     rho = np.sqrt(p[0] * p[0] + p[1] * p[1])
     least, _, piece, t, looks = nearest_on(tree, rho, p[2], margin, 0.0, spare)
     return least, piece, t, looks
@@ -78,9 +82,9 @@ def _margin(tree_a, tree_b, offset):
 
 @kernel
 def _beside_sphere(solid, sphere, centre, spare):
-    """A lower bound of the distance of a solid from a sphere about a point of its frame.
+    """Return a lower bound of the distance of a solid from a sphere about a point of its frame.
 
-    Returns also a point that is about the nearest of the solid, its frame, and the looks it took.
+    Returns also about the nearest point of the solid, in its frame, and the looks.
     """
     margin = _margin(solid, sphere, centre)
     least, piece, t, looks = _foot(solid, centre, margin, spare)
@@ -90,10 +94,10 @@ def _beside_sphere(solid, sphere, centre, spare):
 
 @kernel
 def _beside_ring(ring, other, motion, spare):
-    """A lower bound of the distance of two tori, of which the first has the larger circle.
+    """Return a lower bound of the distance of two tori, of which the first has the larger circle.
 
-    The motion is that from the second one's frame. Returns also two points of their circles that
-    are about the nearest, each in its own frame, and the looks it took.
+    `motion` is from the second one's frame to the first one's. Returns also about the nearest
+    points of their circles, each in its own frame, and the looks.
     """
     circles = circles_of(motion, _around(ring), _height(ring), _around(other), _height(other))
     least, angle, _, looks = distance_of_circles(circles, spare)
@@ -108,13 +112,13 @@ def _beside_ring(ring, other, motion, spare):
 
 @kernel
 def least_beside_tube(tree_a, tree_b, state, motion):
-    """A lower bound of the distance of two solids for which that is known; and the steps taken.
+    """Return a lower bound of the distance of two solids, if `are_tubes`, and the steps taken.
 
-    Where the nearest points known are farther apart, those that the bound tells of are measured.
+    If the bound is below the limit, the points that it comes from are measured.
     """
     progress = state.progress[0]
     spare = _SPARE * (tree_a.scale[2] + tree_b.scale[2])
-    if _is_sphere(tree_b):  # first, as a sphere may be in the tube of a torus, or in a sphere
+    if _is_sphere(tree_b):  # before tori: a sphere may be inside a torus's tube or a sphere
         q = moved(motion, (0.0, 0.0, _height(tree_b)))
         least, p, looks = _beside_sphere(tree_a, tree_b, q, spare)
         p = moved_back(motion, p)
@@ -131,7 +135,7 @@ def least_beside_tube(tree_a, tree_b, state, motion):
             least, q, p, looks = _beside_ring(tree_b, tree_a, back, spare)
         p, q = moved_back(motion, p), moved(motion, q)
     least -= progress.slack + progress.bound_slack
-    if -progress.abs_err < least < progress.limit:  # where they cross, these points are not near
+    if -progress.abs_err < least < progress.limit:  # if they overlap, these points are not near
         _, a, s, more = _foot(tree_a, q, 0.0, spare)
         _, b, t, also = _foot(tree_b, p, 0.0, spare)
         looks += more + also
@@ -141,7 +145,7 @@ def least_beside_tube(tree_a, tree_b, state, motion):
 
 @kernel
 def _turn_back(motion, made):
-    """Write the motion back, of twelve numbers."""
+    """Write the inverse of a motion (12,)."""
     for i in range(3):
         for j in range(3):
             made[3 * i + j] = motion[3 * j + i]
