@@ -1,1 +1,1 @@
-"""Pieces of parametric surfaces: their points, their division into cells, and bounds of these."""
+"""Pieces of parametric surfaces: their points, their division into cells, and bounds of cells."""

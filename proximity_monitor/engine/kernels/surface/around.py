@@ -1,9 +1,9 @@
-"""The piece of a surface that is about nearest to a point: where to look for near points next.
+"""Find the piece of a surface that is about nearest to a point, as a start for later searches.
 
-A leaf stands for its whole piece: what counts is the distance of one of its points, one that lies
-where its corners' parallelogram comes nearest. So another piece may be nearer than the answer. What
-loops have cut off does not count: a plane's corners are often nearer than all that is left of it,
-and the edges are pieces of their own.
+A piece counts with the distance of one of its points: the one at the parameters where the
+parallelogram of its corners comes nearest. So another piece may be nearer than the answer. Points
+that trimming loops have cut off do not count: a plane's corners are often nearer than all that is
+left of it, and edges are pieces of their own.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ Around = namedtuple("Around", "place slack")
 
 @inlined
 def _control(piece, nets, i):
-    """A control point of a piece."""
+    """Return a control point of a piece, metres."""
     at, w = piece.net + i, nets[piece.net + 3 * piece.room + i]
     return (nets[at] / w, nets[at + piece.room] / w, nets[at + 2 * piece.room] / w)
 

@@ -1,9 +1,10 @@
-"""How high a surface's elements reach over paraboloids, as `inside/ball_bowls.py` asks.
+"""Heights of a surface's elements over paraboloids (bowls), for queries of `inside/ball_bowls.py`.
 
-Let w P be homogeneous control points of a part, and s, a and b linear in P: its height over a
-paraboloid is s - (k a² + l b²) / 2. That times w² is a sum of products of Bernstein polynomials, so
-again one, of twice the degrees (Farin 2002, section 6.10). Its coefficients, each divided by that
-of w², bound the height. Where the surface bends as the paraboloid they do so without a division.
+Let w P be the homogeneous control points of a part, and s, a and b linear functions of P. The
+height over a paraboloid is s - (k a² + l b²) / 2. The height times w² is a sum of products of
+Bernstein polynomials, so it has Bernstein form itself, of twice the degrees (Farin 2002, section
+6.10). Its coefficients, each divided by that of w², bound the height. If the surface bends like the
+paraboloid, the bounds are tight without a division of the part.
 """
 
 from __future__ import annotations
@@ -23,19 +24,19 @@ from .evaluate import jet_at
 from .parts import EACH, least_along
 
 _MOST_POINTS = 64
-"""Control points: of more, the products take too long, and the part is divided instead."""
+"""Most control points. With more, the products take too long, and the part is divided instead."""
 
 _COEFFICIENTS = 1024
 
 _PRODUCTS = 1024.0 * DOUBLE_EPS
-"""What rounding may do to a coefficient of a height, as a share of its terms.
+"""Bound of the rounding error of a height's coefficient, as a share of its terms.
 
-It is a sum of no more than 64 times 64 products, at most 64 of them on one coefficient, of numbers
-that err by less than 64 u; and the divisor is one as well, of positive terms.
+All coefficients together sum at most 64 times 64 products, and each one at most 64 of them. The
+factors err by less than 64 u. The divisor is such a sum as well, of positive terms.
 """
 
 _EDGE_ON = 0.1
-"""Sine of the angle between a surface and the direction from which on it has no height along it."""
+"""A surface has a height along a direction only if the sine of their angle exceeds this."""
 
 
 @implements(height.highest, Bowl)
@@ -55,7 +56,7 @@ def _height_at(query, d):
 @implements(height.between, Bowl)
 @kernel
 def _between(query, piece, parts, at, margin, high, crossing):
-    """The least and the largest coefficient, and what rounding may have done to this one."""
+    """Return the least coefficient, and the largest one plus the rounding error, at most `high`."""
     p, q = np.int64(piece.degree_u), np.int64(piece.degree_v)
     if (p + 1) * (q + 1) > _MOST_POINTS:
         return -np.inf, high
@@ -63,7 +64,7 @@ def _between(query, piece, parts, at, margin, high, crossing):
     a, b = on_stack(_MOST_POINTS, 0.0), on_stack(_MOST_POINTS, 0.0)
     above, below = on_stack(_COEFFICIENTS, 0.0), on_stack(_COEFFICIENTS, 0.0)
     n, rise, first, second = query.normal, query.rise, query.first, query.second
-    # Binomials go into the control points, and cancel in the quotient at last.
+    # The control points include the binomials, which cancel in the final quotient.
     k, reach, of_u = 0, 0.0, 1.0
     for i in range(p + 1):
         of_v = of_u
@@ -112,7 +113,7 @@ def _bend_at(tree, k, point, n, e, f):
     place, du, dv, duu, duv, dvv = jet_at(tree.pieces[element], tree.nets, u, v)
     nothing = (0.0, 0.0), (0.0, 0.0, 0.0)
     normal = cross(du, dv)
-    # The determinant of (u, v) to the coordinates along e and f, which are beside n.
+    # Determinant of the map from (u, v) to coordinates along e and f, which are normal to n.
     e_u, e_v, f_u, f_v = dot(e, du), dot(e, dv), dot(f, du), dot(f, dv)
     det = e_u * f_v - e_v * f_u
     if not abs(det) > _EDGE_ON * np.sqrt(dot(normal, normal)):

@@ -1,4 +1,4 @@
-"""Cells in the proofs that two of them are done with: the ranges of their derivatives."""
+"""What the proof of `certificate.py` needs of surface cells: ranges of their derivatives."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ from .ranges import errors_of, ranges_of, slope_error
 from .sides import roughness
 
 _JOINED = 1e-9
-"""Share of a model's size by which patches that are joined may be apart, in what is tried here."""
+"""No proof is tried across patches that are farther apart than this share of the model's size."""
 
 _POLE = 1e-14
-"""The same of control points at an end of a patch that is a pole."""
+"""Most distance between the control points of a pole, as a share of the model's size."""
 
 _FOOT_STEPS, _FLAT = 8, 1e-12
-"""Steps to the point of a cell that is another patch's, and the share of both squared derivatives'
-product that their determinant has at the least."""
+"""Most steps to the point of a cell that coincides with a point of another patch; and the least
+determinant of the derivatives there, as a share of the product of both squared derivatives."""
 
 
 @implements(can_be_proven, SurfaceTree)
@@ -60,16 +60,16 @@ def _find_in(tree, cells, index, element, weights):
             return True, (u, v, 0.0), point_at(piece, tree.nets, u, v)
     if 0.0 < weights[0] < 1.0 and (0.0 < weights[1] < 1.0 or one.degree_v == 0):
         return False, weights, (0.0, 0.0, 0.0)
-    # At an end patches are joined; and a patch with itself, at a pole and along a seam.
+    # Patches are joined at their ends, and a patch joins itself at a pole and along a seam.
     p = point_at(one, tree.nets, weights[0], weights[1])
     return _find_beside(piece, tree.nets, cell, p, roughness(tree, cells, index), tree.scale[2])
 
 
 @shared
 def _find_beside(piece, nets, cell, p, rough, size):
-    """Where a cell meets p, a point at the end of another patch, perhaps: see `find_in`.
+    """Find where a cell meets p, a point at the end of another patch, if it does: see `find_in`.
 
-    `rough` is about how far it is from its parallelogram, metres.
+    `rough` is about how far the cell is from its parallelogram, metres.
     """
     centre, e, f = vector(cell.centre), vector(cell.along_u), vector(cell.along_v)
     place = closest_in(centre, e, f, p)
@@ -83,9 +83,9 @@ def _find_beside(piece, nets, cell, p, rough, size):
 
 @kernel
 def _foot(piece, nets, cell, p, u, v, error):
-    """The place of a cell's point nearest to p, from one near it, and that: Gauss and Newton.
+    """Find the cell's point nearest to p by Gauss-Newton from u, v; return its u, v and itself.
 
-    At an end of the cell where that changes it by no more than an error.
+    A parameter snaps to an end of the cell if that moves the point by no more than `error`.
     """
     e = f = (0.0, 0.0, 0.0)
     for _ in range(_FOOT_STEPS):
@@ -113,7 +113,7 @@ def _foot(piece, nets, cell, p, u, v, error):
 
 @inlined
 def _at_end(t, low, high, speed, error):
-    """A parameter, or the end that is so near."""
+    """Return the parameter t, or the end of its interval if that is within `error`."""
     if (t - low) * speed <= error:
         return low
     return high if (high - t) * speed <= error else t
@@ -121,7 +121,7 @@ def _at_end(t, low, high, speed, error):
 
 @inlined
 def _carried(t, low, high, other_low, other_high):
-    """A parameter of one piece as that of another; exact where it is where both end."""
+    """Convert a parameter of one piece to one of another; exact at an end that both share."""
     at = high if t == 1.0 else low + t * (high - low)
     if at == other_high:
         return 1.0
@@ -154,9 +154,9 @@ def _put_ranges(tree, cells, nets, index, d, side):
 
 @kernel
 def _apart_at(piece, nets, axis, end, size):
-    """How far apart at the most, metres, a piece's points are at an end of u, or of v; see `form`.
+    """Bound how far apart a piece's points are at an end of u (axis 0) or v (axis 1): see `form`.
 
-    They are means of the control points there.
+    Returns metres; infinity if the end is no pole. The points are means of its control points.
     """
     n = piece.degree_v + 1
     first = (piece.degree_u * n if axis == 0 else piece.degree_v) if end == 1.0 else 0

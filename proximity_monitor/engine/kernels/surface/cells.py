@@ -1,8 +1,8 @@
-"""Cells: an element of a surface, and the parts that it is divided into while a search needs them.
+"""Cells: whole elements of a surface, and the parts that a search divides them into.
 
-The control points of a part follow from those of the whole by de Casteljau's midpoints, and the
-surface lies within their convex hull. Cells stand in the frame of their model, so that they serve
-all queries about it: they are kept until there is no room for more.
+The control points of a part follow from those of the whole by de Casteljau's midpoint rule, and the
+surface lies within their convex hull. Cells are in the frame of their model, so they serve all
+queries about it. They are kept until room runs out.
 """
 
 from __future__ import annotations
@@ -21,27 +21,27 @@ from .subdivide import copy_net, halves_u, halves_v, project
 from .trim import CROSSING, classify_rectangle
 
 MOST_SPLITS = 96
-"""Divisions of a cell, in both directions together. Below that its sides are of 2^-48 of an
-element's parameters, which float64 still tells apart."""
+"""Most divisions of a cell, u and v together. The sides are then 2^-48 of the element's parameter
+range, which float64 still resolves."""
 
 _FLATTER = 3.0
-"""How many times as flat one direction must be for the other alone to be divided."""
+"""If one direction is this many times as flat as the other, only the other is divided."""
 
 _MOST_POINTS = 256
-"""Control points of a cell: of degree 15 in both directions."""
+"""Most control points of a cell: degree 15 in both directions."""
 
 
 @kernel
 def net_of(cells, nets, index):
-    """Where the control points of a cell begin in `nets`."""
+    """Return the index in `nets` where the control points of a cell begin."""
     return index * (len(nets) // len(cells))
 
 
 @kernel
 def root_cell(tree, element, cells, nets, roots, used):
-    """The cell of a whole element, and how many are in use then; NONE where there is no room.
+    """Return the cell of a whole element, or NONE if no room is left; and how many are in use.
 
-    Roots are forgotten with the first one: many a search needs no cell at all.
+    `roots` is cleared when the first cell is made, because many searches need no cell at all.
     """
     if used == 0:
         for i in range(len(roots)):
@@ -69,10 +69,10 @@ def root_cell(tree, element, cells, nets, roots, used):
 
 @shared
 def divide_cell(tree, index, cells, nets, used, in_u, in_v):
-    """Divide a cell in two or four, unless it is; returns how many cells are in use then.
+    """Divide a cell in u, in v or in both; return how many cells are then in use.
 
-    IN_U, IN_V or both. As many as before where it is too small, or there is no room: it has no
-    child then.
+    Does nothing if the cell is already divided. Does nothing either if the cell is too small or
+    there is no room: then the cell has no child.
     """
     cell = cells[index]
     if cell.child != NONE or cell.splits >= MOST_SPLITS or used + 4 > len(cells):
@@ -125,7 +125,7 @@ def divide_cell(tree, index, cells, nets, used, in_u, in_v):
 
 @kernel
 def _side(tree, piece, cell):
-    """What trimming loops leave of a part."""
+    """Classify a part by the trimming loops: INSIDE, OUTSIDE or CROSSING."""
     low, width = piece.low, (piece.high[0] - piece.low[0], piece.high[1] - piece.low[1])
     return classify_rectangle(
         tree.trims,
@@ -139,7 +139,7 @@ def _side(tree, piece, cell):
 
 @kernel
 def _divide_edge(tree, index, cells, nets, used):
-    """Divide a part of an edge at the middle of its parameter."""
+    """Divide a part of an edge at the middle of its parameter interval."""
     cell = cells[index]
     piece = tree.pieces[cell.element]
     low, high = cell.low[0], cell.high[0]
@@ -162,17 +162,17 @@ def _divide_edge(tree, index, cells, nets, used):
 
 @inlined
 def length_in(piece, cell, axis):
-    """How long a cell of a piece is in a parameter of the patch."""
+    """Return the length of a cell along u (axis 0) or v (axis 1), in the patch's parameters."""
     return (cell.high[axis] - cell.low[axis]) * (piece.high[axis] - piece.low[axis])
 
 
 @kernel
 def directions_of(tree, cells, nets, index, n):
-    """Whether a cell is to be divided in u, and in v; and about how far it bends, metres.
+    """Decide whether to divide a cell in u, and in v; also return about how far it bends, metres.
 
-    Along n, a vector of the model's frame, or 0: the gap along n is too small by what cells bend
-    along it. So where surfaces are parallel along a line or an arc, cells stay as long as they are.
-    One that does not bend along n is divided as its shape demands.
+    n is a vector in the model's frame, or 0. The gap along n is too small by what the cells bend
+    along n. So if surfaces are parallel along a line or an arc, their cells stay long in that
+    direction. A cell that does not bend along n is divided as its shape demands.
     """
     cell = cells[index]
     piece = tree.pieces[cell.element]
@@ -186,8 +186,9 @@ def directions_of(tree, cells, nets, index, n):
         if max(max(in_u, in_v), twisted) > cell.margin:
             u, v, twist = in_u, in_v, twisted
             bends = u + v + twist
-    # Twist becomes less in either direction, so then it is the longer one: a fan, straight along
-    # its ribs, would fall into many that are as long. Bends below the margin are noise and stay.
+    # A division in either direction reduces the twist. Divide the longer one: otherwise a fan,
+    # straight along its ribs, would fall into many cells of full length. Ignore bends below the
+    # margin: they are noise.
     if max(u, v) < max(twist, cell.margin):
         u, v = norm(cell.along_u), norm(cell.along_v)
     return not u * _FLATTER < v, not v * _FLATTER < u, bends
@@ -195,7 +196,7 @@ def directions_of(tree, cells, nets, index, n):
 
 @kernel
 def _bends_along(piece, nets, at, n):
-    """How far a cell is from straight along u, and along v, and twisted, by its points along n."""
+    """Measure along n how far a cell is from straight in u and in v, and how far twisted."""
     p, q, room = np.int64(piece.degree_u), np.int64(piece.degree_v), np.int64(piece.room)
     if p == 3 and q == 3:
         return _bends(nets, at, n, 3, 3, room)
@@ -222,7 +223,7 @@ def _bends(nets, at, n, p, q, room):
 
 @kernel
 def _measure(tree, piece, nets, cell, base):
-    """Write what a cell's control points say of its place and shape, and what they may err by."""
+    """Write the place and shape of a cell, and the error of its control points (`margin`)."""
     p, q, room = np.int64(piece.degree_u), np.int64(piece.degree_v), np.int64(piece.room)
     if p == 3 and q == 3:
         _shape(nets, base, cell, 3, 3, room)
@@ -232,13 +233,13 @@ def _measure(tree, piece, nets, cell, base):
         _shape(nets, base, cell, p, q, room)
     share = NET_SPLIT * (max(p, q) * cell.splits + 1)
     cell.margin = share * tree.scale[2] + tree.scale[CONVERSION]
-    if piece.edge != NONE:  # its net is no curve's, and its points are evaluated
+    if piece.edge != NONE:  # the net of an edge is a box, and its points are evaluated
         cell.margin, cell.bend_u = points_err(tree), piece.bend
 
 
 @inlined
 def _shape(nets, base, cell, p, q, room):
-    """Place and shape of a cell; no bound depends on them."""
+    """Write the place and shape of a cell; no bound depends on them."""
     n = q + 1
     bend_u = bend_v = twist = 0.0
     for axis in range(3):
@@ -261,7 +262,7 @@ def _shape(nets, base, cell, p, q, room):
                 last = first + q - 2
                 bend_v = max(bend_v, abs(nets[first] - 2.0 * nets[first + 1] + nets[first + 2]))
                 bend_v = max(bend_v, abs(nets[last] - 2.0 * nets[last + 1] + nets[last + 2]))
-    # A curve leaves its chord by p (p - 1) / 8 of its largest second difference at the most.
+    # A curve leaves its chord by at most p (p - 1) / 8 times its largest second difference.
     cell.bend_u = 0.125 * p * (p - 1) * bend_u
     cell.bend_v = 0.125 * q * (q - 1) * bend_v
     cell.twist = twist

@@ -1,7 +1,7 @@
-"""A proof that nothing in two cells is nearer than the limit, where they hold the nearest points.
+"""A proof that the two cells with the nearest points found hold nothing nearer than the limit.
 
-See `form.py`. Points of joints and of edges between triangles lie in several cells: each has its
-own proof.
+See `form.py`. A point on a joint, or on an edge between triangles, lies in several cells: each pair
+of them needs its own proof.
 """
 
 from __future__ import annotations
@@ -16,40 +16,41 @@ from .newton import MOST
 from .sides import element_of
 
 PROOF_STEPS = 4
-"""Steps of a search that a proof takes as long as."""
+"""A proof takes as long as this many steps of a search."""
 
 _FALLS = 1e-6
-"""Share of the distance by which that has to fall beyond the end of an element to be looked for."""
+"""If the distance falls by this share of itself beyond an element's end, a search begins there."""
 
 
 def can_be_proven(tree, cells, index):
-    """Whether a cell can be taken in such a proof: a stub."""
+    """Tell whether a cell can take part in such a proof: a stub."""
 
 
 def find_in(tree, cells, index, element, weights):
-    """Whether a cell holds a point of an element, perhaps of a neighbour: a stub.
+    """Find a point of an element, perhaps of a neighbouring element, in a cell: a stub.
 
-    Returns also its weights on the cell's own element, and the point, metres, in its model's frame.
+    Returns whether the cell holds it, its weights on the cell's own element, and the point, metres,
+    in its model's frame.
     """
 
 
 def put_point(tree, cells, index, weights, side):
-    """Write what a Side says of a point of a cell: a stub.
+    """Write the entries of a Side that are about one point of a cell: a stub.
 
-    Of a triangle, which parameters these are depends on the point.
+    For a triangle, the choice of its two parameters depends on the point.
     """
 
 
 def put_ranges(tree, cells, nets, index, d, side):
-    """Write what a Side says of a cell as a whole; d is n in its model's frame: a stub."""
+    """Write the entries of a Side about a whole cell; d is n in its model's frame: a stub."""
 
 
 @kernel
 def is_done(tree_a, tree_b, state, a, b, slack):
-    """Whether two cells that hold the nearest points found so far hold nothing that is nearer.
+    """Prove that two cells which hold the nearest points found so far hold nothing nearer.
 
-    Returns also whether they hold these points, as of other cells it is not known, and the steps
-    that it took. `slack` is what their bound may err by.
+    Returns whether that is proven, whether the cells hold these points (there is no proof for other
+    cells), and the steps it took. `slack` is the error of the pair's bound, metres.
     """
     progress, waiting, motion = state.progress[0], state.waiting, state.motions[0]
     if not (
@@ -82,7 +83,7 @@ def is_done(tree_a, tree_b, state, a, b, slack):
     if surpasses(sides, n, motion, way, distance, progress.slack, limit):
         return True, True, PROOF_STEPS
     if other and falls_by(sides, n, motion) < -_FALLS * distance:
-        # They were found at the end of an element, and beyond it the distance falls further.
+        # The points are at the end of an element, and the distance falls further beyond it.
         measure_near(tree_a, tree_b, state, element_a, at_a, element_b, at_b, MOST)
         return False, True, PROOF_STEPS + MINIMUM_STEPS
     return False, True, PROOF_STEPS

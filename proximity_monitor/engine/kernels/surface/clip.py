@@ -1,9 +1,9 @@
-"""What trimming loops leave of a cell that they cross: all of it lies on one side of a line.
+"""A half-plane around what trimming loops leave of a cell that they cross.
 
-The loops' stretches within the cell lie between two lines. Beyond either there are none, so what is
-left beyond it is all or nothing, which one corner tells. Where it is nothing, the cell's bounds are
-those of the rest. In small cells a loop is nearly straight, so its bounds converge as those of
-cells that no loop crosses.
+The parts of the loops within the cell lie between two parallel lines. No loop passes beyond either
+line, so the cell is wholly kept or wholly cut off there, and one corner tells which. If it is cut
+off, the cell's bounds are those of the rest. In small cells a loop is nearly straight, so the
+bounds converge like those of cells that no loop crosses.
 """
 
 from __future__ import annotations
@@ -22,27 +22,30 @@ from .trim import OUTSIDE, is_near, row_of, side_of, to_unit
 from .trim_curve import curve_box, restricted
 
 _ROOM = 96
-"""Points of loops that are kept; and one curve's stretches that wait."""
+"""Most points of loops that are kept, and most stretches of one curve that wait."""
 
 _SMALL = 0.25
-"""Share of the cell's extent below which a stretch is not halved any more."""
+"""A stretch is not halved any more once it is smaller than this share of the cell's extent."""
 
 _PATIENCE = 64
-"""Halvings of a segment."""
+"""Most stretches of a segment that are looked at."""
 
 
 @kernel
 def clip_cell(table, piece, cell):
-    """Write `clip` of a cell, and make its parallelogram and twist those of what is left, about."""
+    """Write `clip` of a cell; fit its parallelogram and twist to about what is left of it."""
     cell.clip[0] = cell.clip[1] = cell.clip[2] = 0.0
     size = norm(vector(cell.along_u)) + norm(vector(cell.along_v))
     ragged = _clip(table, piece, cell)
-    cell.twist = max(cell.twist, ragged * size)  # by a nearer look, bounds become as much better
+    cell.twist = max(cell.twist, ragged * size)  # dividing the cell gains about that much
 
 
 @kernel
 def _clip(table, piece, cell):
-    """Write `clip`; returns as what share of the cell's extent the loops' width appears."""
+    """Write `clip`; return the width of the strip of loops, as a share of the cell's extent.
+
+    Returns 1 if nothing is clipped, and 0 if the cell is too small to tell.
+    """
     trim = table.trims[piece.patch]
     low, high, errors = on_stack(2, 0.0), on_stack(2, 0.0), on_stack(2, 0.0)
     for axis in range(2):
@@ -54,8 +57,9 @@ def _clip(table, piece, cell):
             return 0.0
         errors[axis] = 4.0 * trim.slack / extent
         if trim.arcs[axis] > 0:
-            # The share of an arc is (1 + atan((2 s - 1) T) / q) / 2 of s = 0..1, with q = atan T.
-            # Its second derivative is at most 1.3 T² / q, an eighth of which it leaves its chord.
+            # With q = atan T, s in 0..1 maps to the share (1 + atan((2 s - 1) T) / q) / 2 of an
+            # arc. Its second derivative is at most 1.3 T² / q, and it leaves its chord by an eighth
+            # of that.
             tangent = trim.tangent[axis]
             s = (cell.high[axis] - cell.low[axis]) * width / trim.extent[axis] * trim.arcs[axis]
             turn = 0.17 * tangent * tangent / math.atan(tangent) * s * s / trim.arcs[axis]
@@ -95,9 +99,9 @@ def _clip(table, piece, cell):
 
 @kernel
 def _gather(table, trim, low, high, points):
-    """Points of the unit square in whose hull the loops' parts in a rectangle lie; how many.
+    """Collect points of the unit square whose hull holds the loops' parts in a rectangle.
 
-    None where there are too many.
+    Returns how many they are, or -1 if there are too many.
     """
     left, right = low[0] - trim.slack, high[0] + trim.slack
     lower, upper = low[1] - trim.slack, high[1] + trim.slack
@@ -120,7 +124,7 @@ def _gather(table, trim, low, high, points):
 
 @kernel
 def _chord(segment, left, lower, right, upper, points, count):
-    """Add the ends of a straight segment's part in a rectangle."""
+    """Add the ends of a straight segment's part in a rectangle; return the count, or -1 if full."""
     ax, ay = segment.a[0], segment.a[1]
     dx, dy = segment.b[0] - ax, segment.b[1] - ay
     begin, end = 0.0, 1.0
@@ -130,7 +134,7 @@ def _chord(segment, left, lower, right, upper, points, count):
     if dy != 0.0:
         one, other = (lower - ay) / dy, (upper - ay) / dy
         begin, end = max(begin, min(one, other)), min(end, max(one, other))
-    if begin > end:  # it passes a corner, as near as rounding tells
+    if begin > end:  # it passes a corner, to within rounding
         begin, end = min(max(end, 0.0), 1.0), min(max(begin, 0.0), 1.0)
     if count + 2 > _ROOM:
         return -1
@@ -141,7 +145,7 @@ def _chord(segment, left, lower, right, upper, points, count):
 
 @kernel
 def _stretches(table, segment, slack, left, lower, right, upper, size, points, count):
-    """Add the control points of a curve's stretches that touch a rectangle."""
+    """Add the control points of a curve's stretches that touch a rectangle; return as `_chord`."""
     stack, net = table_on_stack(96, 2, 0.0), table_on_stack(16, 3, 0.0)
     stack[0, 0], stack[0, 1] = segment.begin, segment.end
     waiting = 1
@@ -173,7 +177,7 @@ def _stretches(table, segment, slack, left, lower, right, upper, size, points, c
 
 @kernel
 def _across(points, count):
-    """A unit vector about across the longest way between points; 0 where there is none."""
+    """Return a unit vector about normal to the longest way between points; 0 if there is none."""
     far = 0
     for _ in range(2):
         x, y = points[far, 0], points[far, 1]
@@ -192,13 +196,13 @@ def _across(points, count):
 
 @inlined
 def _corner(k):
-    """A corner of the unit square, all four one after the other around it."""
+    """Return corner k of the unit square; k counts around the square."""
     return (1.0 if k == 1 or k == 2 else 0.0), (1.0 if k >= 2 else 0.0)
 
 
 @kernel
 def _narrow(cell):
-    """Let the cell's parallelogram stand for the box, in its parameters, of what is left."""
+    """Fit the cell's parallelogram to the box, in parameters, around what is left of the cell."""
     x, y, end = cell.clip[0], cell.clip[1], cell.clip[2]
     s_0 = t_0 = 1.0
     s_1 = t_1 = 0.0
@@ -221,12 +225,12 @@ def _narrow(cell):
 
 @kernel
 def clipped_least(piece, cell, nets, at, n):
-    """The least product of n with what is left of a cell; no less than a bound of it.
+    """Return a lower bound of the product of n with any point of what is left of a cell.
 
-    The product f is a Bezier function of the products b_ij of control points. Any linear function a
-    differs from it by what b_ij differ from a(i/p, j/q) at most, and its least is at a corner of
-    what is left. Weights w_ij draw a(i/p, j/q) off a(u, v), along each parameter
-    by no more than sum B_i |i/p - u|, which is 1/2 at most, times (w_max - w_min) / 2 w_min.
+    The product f is a Bezier function; its coefficients b_ij are the products of the control
+    points. A linear function a differs from f by at most the largest |b_ij - a(i/p, j/q)|, and a is
+    least at a corner of what is left. Weights w_ij shift a(i/p, j/q) away from a(u, v): along each
+    parameter by at most sum B_i |i/p - u|, which is at most 1/2, times (w_max - w_min) / 2 w_min.
     """
     p, q, room = np.int64(piece.degree_u), np.int64(piece.degree_v), np.int64(piece.room)
     f_00, f_01 = _product(nets, at, room, n), _product(nets, at + q, room, n)

@@ -21,10 +21,10 @@ from .foot import FAR, Foot, bounded, look_for, unlooked
 from .pieces import parameters_of
 
 _ONE_POINT = 4
-"""Steps that a point takes as long as besides those of its descent."""
+"""Steps that each point costs besides those of its descent."""
 
 GOING = 7
-"""Numbers of a search that a slice has cut: see `closest_points`."""
+"""Numbers that store the state of a search that a slice has cut: see `closest_points`."""
 
 
 @entry
@@ -32,18 +32,18 @@ def closest_points(
     model, pose, points, max_distance, rel_err, abs_err, signed, first, steps,
     stack, stacked, going, bounds, feet, elements, parameters,
 ):  # fmt: skip
-    """Nearest points of a surface at `pose` to points (k, 3) in the world, from the first one on.
+    """Find the nearest points of a surface at `pose` to world points (k, 3), from `first` on.
 
-    The model is the table of its hierarchy. Returns how many are done: all, or as many as about
-    `steps` steps suffice for. Then the search for the next one may have begun: `going` (GOING,) is
-    its answer so far (see foot.py), and how many entries it has in `stack` and `stacked`, which is
-    0 where none has.
+    `model` is the table of the surface's hierarchy. Returns how many points are done: all, or as
+    many as about `steps` steps allow. If steps ran out, the search for the next point may have
+    begun. Then `going` (GOING,) stores its answer so far (see foot.py) and the number of its
+    entries in `stack` and `stacked`. That number is 0 if no search has begun.
 
-    Writes bounds (k, 2), certified, and elements (k,) in tree order, and of those nearer than
-    `max_distance` metres feet (k, 3) in the world and their parameters (k, 2), which may be (0, 2);
-    of the others the element is NONE and the upper bound infinite. Where `signed`, lower bounds are
-    such that sides can be told. Each search begins with the foot before. Errors are those of the
-    meshes' `closest_points`.
+    Writes certified bounds (k, 2) and elements (k,) in tree order. For points nearer than
+    `max_distance` metres, it also writes feet (k, 3) in the world and their parameters (k, 2), an
+    array that may be (0, 2). For the others, the element is NONE and the upper bound is infinite.
+    If `signed`, lower bounds are good enough to tell sides. Each search begins with the previous
+    foot. Errors are those of the meshes' `closest_points`.
     """
     tree, _ = tree_at(SurfaceTree, model)
     found, last = on_stack(WIDTH, np.float32(0.0)), (0.0, 0.0, 0.0)
@@ -55,13 +55,13 @@ def closest_points(
     for k in range(first, points.shape[0]):
         if steps <= 0:
             return k
-        # Bounds include what the surface's points err by; that of the point itself is left.
+        # Bounds include the error of the surface's points, but not that of the point itself.
         p, moved = image_of(tree, pose, points, k)
         slack = moved + points_err(tree)
         finest = RESOLUTION * tree.scale[2] + 2.0 * slack
         spare = spare_of_error(tree, abs_err, finest)
         query = Foot(p, slack, share, spare, finest)
-        # Less both slacks it is beyond `farthest`, whatever rounding does.
+        # A distance of `beyond` less both slacks exceeds `farthest`, whatever rounding does.
         beyond = min(distance_of(farthest + 2.0 * slack, share, spare, 0.0), FAR)
         top = np.int64(going[6])
         if top > 0:

@@ -1,4 +1,4 @@
-"""Whether a part of a body lies inside another, where some bodies are surfaces that close up."""
+"""Tell whether a part of a body lies inside another body, if some bodies are closed surfaces."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from ..inside.contain import Insides, errors_of, look_for_part, look_in, part_in
 from . import crossing  # noqa: F401 - it implements what a winding number needs
 
 MixedInsides = namedtuple("MixedInsides", (*Insides._fields, "holders", "divided"))
-"""Insides, and of each body the table of its own hierarchy (int64, n × k × 2), and whether that is
-a SurfaceTree (bool, n)."""
+"""`Insides`; and for each body, the table of its own hierarchy (`holders`, int64, n × k × 2) and
+whether it is a SurfaceTree (`divided`, bool, n)."""
 
 look_for_part_in_surface = entry(
     specialised(look_for_part, "look_for_part_in_surface", __name__=__name__, HOLDER=SurfaceTree)

@@ -1,20 +1,21 @@
 """How often a ray passes through an element of a surface, as a certified integer.
 
-The ray runs along x, forth or back, in space sheared by its slope, as for meshes (see winding.py);
-its start p is the origin. A part of the surface whose control points lie on one side of a plane
-through p does not pass p. If that plane has the ray on its other side, or in it, the ray misses the
-part. Else the opposite half of its line does, so the ray passes through the part as often as the
-whole line. That is the degree of the part's projection along the line: how often its boundary winds
-around the origin. Each of the four boundary curves lies in the hull of its control points. Where
-that hull misses the origin, the curve can be drawn straight without passing over it: so the
-boundary winds as often as the quadrilateral of the corners. What is not told so is divided.
+The ray runs along x, forward or backward, in space sheared by its slope, as for meshes (see
+winding.py). Its start p is the origin. If the control points of a part of the surface lie on one
+side of a plane through p, the part does not contain p. If the ray lies on the other side of the
+plane, or in it, the ray misses the part. Otherwise the opposite half of the ray's line misses the
+part, so the ray passes through it as often as the whole line. That count is the degree of the
+part's projection along the line: how often its boundary winds around the origin. Each of the four
+boundary curves lies in the hull of its control points. If that hull misses the origin, the curve
+can be straightened without passing over the origin. So the boundary winds as often as the
+quadrilateral of the corners. A part that these tests do not decide is divided.
 
-All hulls are kept off the line by a margin: rounding, the slack of p, and what is open between
-patches. So surfaces that close these gaps miss the line as well, and all crossings together are the
+All hulls keep a margin from the line, for rounding, the slack of p, and the gaps between patches.
+So any surface that closes these gaps misses the line as well, and all crossings together are the
 winding number of a closed surface (see models/closed.py).
 
-Of a trimmed patch those parts count of which nothing is cut off. One that loops cross is divided
-until the line misses it: then it misses the edge in it by that margin as well.
+A part of a trimmed patch counts if nothing of it is cut off. A part that loops cross is divided
+until the ray misses it. Then the ray also misses the edge in it, by the same margin.
 """
 
 from __future__ import annotations
@@ -49,19 +50,19 @@ from .parts import (
 from .trim import INSIDE, OUTSIDE
 
 _DIVISIONS = 384
-"""Divisions of an element for one ray: then another ray is tried."""
+"""Most divisions of an element for one ray; then another ray is tried."""
 
 _STEPS = 24
-"""Steps that a winding number takes as long as."""
+"""A winding number takes as long as this many steps."""
 
 _MISSED, _AHEAD, _OPEN = 0, 1, 2
-"""A part that the ray misses, one that the other half of its line misses, and one not known yet."""
+"""States of a part: the ray misses it; the other half of its line misses it; not known yet."""
 
 _AROUND = 0, 2, 3, 1, 0
 """The corners of a part in the order of its boundary."""
 
 _STRETCH = 1.25
-"""As in inside/winding.py: what the shear may lengthen."""
+"""As in inside/winding.py: the most by which the shear lengthens."""
 
 
 @implements(ray_steps, SurfaceTree)
@@ -92,9 +93,9 @@ def _shear(piece, parts, alpha, beta):
 
 @kernel
 def _is_beside(parts, at, step, count, margin):
-    """Whether control points lie beside the line by more than a margin, all on one side.
+    """Tell whether control points lie beside the line by more than a margin, all on one side.
 
-    The side is the bisector of the two outermost as the origin sees them.
+    The side is the bisector of the two outermost points as seen from the origin.
     """
     ly = ry = parts[at + 1]
     lz = rz = parts[at + 2]
@@ -121,12 +122,12 @@ def _is_beside(parts, at, step, count, margin):
 
 @kernel
 def _where(piece, parts, at, forth, margin):
-    """Whether the ray misses a part, or the other half of its line does, or neither is certain."""
+    """Tell whether the ray misses a part (_MISSED), the other half of its line does, or neither."""
     n = (forth, 0.0, 0.0)
     if _is_beside(parts, at, EACH, np.int64(piece.points), margin):
         return _MISSED
-    # Across the ray, both ways; then about parallel to the part: near its surface no other plane
-    # has all of it on one side.
+    # Try planes across the ray, both ways, then one about parallel to the part: near the part's
+    # surface, no other plane has all of it on one side.
     for attempt in range(3):
         if attempt == 1:
             n = (-forth, 0.0, 0.0)
@@ -143,7 +144,7 @@ def _where(piece, parts, at, forth, margin):
 
 @kernel
 def _degree(piece, parts, at, margin):
-    """How often a part's boundary winds around the line, from y to z; or UNKNOWN."""
+    """Count how often a part's boundary winds around the line, from y to z; or return UNKNOWN."""
     for edge in range(4):
         lines, apart, step, count = lines_of(piece, edge < 2)
         first = at + (apart * (lines - 1) if edge % 2 == 1 else 0)
@@ -168,7 +169,7 @@ def _degree(piece, parts, at, margin):
 @implements(visit.meet, Ray, SurfaceTree)
 @shared
 def _crossings(query, tree, t, answer):
-    """The winding number when an element has been counted as well, or UNKNOWN."""
+    """Return the winding number with one more element counted, or UNKNOWN."""
     piece = tree.pieces[t]
     if answer == UNKNOWN or piece.degree_v == 0:
         return answer  # a curve bounds nothing, nor does an edge
@@ -185,12 +186,12 @@ def _crossings(query, tree, t, answer):
         margin = 2.0 * _STRETCH * (margin_of(tree, piece, p, splits) + slack)
         found = _where(piece, parts, at, float(forth), margin)
         if found != _MISSED and side_of_part(tree, piece, about, k) == OUTSIDE:
-            found = _MISSED  # by what is left of it
+            found = _MISSED  # loops have cut it off
         if found == _AHEAD and about[k, SIDE] == INSIDE:
             winding = _degree(piece, parts, at, margin)
             if winding != UNKNOWN:
                 total += winding
-                found = _MISSED  # by what is left to look at
+                found = _MISSED  # it has been counted
         if found == _MISSED:
             top -= 1
             continue

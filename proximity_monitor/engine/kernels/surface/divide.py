@@ -1,12 +1,12 @@
-"""The nearest points of elements that have to be divided: pairs of cells, the nearest bound first.
+"""The nearest points of elements that have to be divided: pairs of cells, the least bound first.
 
-The bounding volumes of `search` lead to pairs of whole elements. From there on the pair with the
-least bound of all is taken, its rougher cell is divided, and each part is bounded against the other
-cell (Thomas et al. 2000, section 5). A bound is the gap between the control points of two cells
-along a direction: first the one that served the pair before, then that between near points of the
-parallelograms that stand for the cells (`facing.py`), and where these are too near for that to be a
-good one, the cells' normals. For each direction the gap is certain. Where it falls short by less
-than the cells bend, the control points of their parts may do (`halved.py`).
+The bounding volumes of `search` lead to pairs of whole elements. From there on, the search takes
+the pair with the least bound, divides its rougher cell, and bounds each part against the other cell
+(Thomas et al. 2000, section 5). A bound is the gap between the control points of two cells along a
+direction. First comes the direction that served the pair before. Next comes that between near
+points of the parallelograms that stand for the cells (`facing.py`). If these points are too near
+for a good direction, the cells' normals follow. The gap is certain for each direction. If it falls
+short by less than the cells bend, the control points of their parts may suffice (`halved.py`).
 """
 
 from __future__ import annotations
@@ -41,33 +41,33 @@ from .sides import (
 from .trim import OUTSIDE
 
 PAIR_STEPS, DIVISION_STEPS, FALLING_STEPS = 1, 4, 4
-"""Steps of a search that bounding a pair of cells takes as long as, dividing one, and a proof that
+"""Steps of a search that these take: bounding a pair of cells, dividing a cell, and a proof that
 only edges are near."""
 
 _ROUGH = 0.25
-"""Share of their distance by which two cells may differ from their parallelograms before normals
+"""If two cells differ from their parallelograms by more than this share of their distance, normals
 are tried as directions."""
 
 _ALMOST = 1e-8
-"""Share of the distance found by which a bound may fall short for that, too: the way between points
-on flat surfaces is tilted by about that, as it hardly becomes longer."""
+"""Normals are also tried if a bound falls short by less than this share of the distance found. The
+way between points on flat surfaces is tilted by about as much, because that hardly lengthens it."""
 
 _EACH, _NEAR = 16, 0.25
-"""Pairs that wait for each local search from which on one is begun where two cells may cross; and
-how near their points must be for that, as a share of the distance found so far."""
+"""If two cells may cross, one local search is begun for every `_EACH` pairs that wait, and only if
+their points are nearer than the share `_NEAR` of the distance found so far."""
 
 _NEARER = 0.25
-"""Share of what the answer may err by that a point must be nearer by to begin a local search.
+"""A local search is begun only for a point that is nearer by this share of the allowed error.
 
-So where a local search ended too early, a pair of cells whose bound is as good as its points are
-near begins another one, before it is divided without end."""
+If a local search ended too early, a pair of cells with points about as near as its bound begins
+another search, and is not divided without end."""
 
 
 @inlined
 def add_elements(tree_a, tree_b, state, a, b, bound):
-    """Take up a pair of elements with a lower bound of their distance; returns the steps it took.
+    """Add a pair of elements with a lower bound of their distance.
 
-    Or NONE where there is no room for it.
+    Returns the steps it took, or NONE if there is no room for the pair.
     """
     progress, cells = state.progress[0], state.waiting
     if progress.dividing + progress.aside >= len(cells.pairs):
@@ -80,7 +80,7 @@ def add_elements(tree_a, tree_b, state, a, b, bound):
     )
     if first == NONE or second == NONE:
         return NONE
-    # The direction between the nearest points so far dismisses most of those that are near them.
+    # The direction between the nearest points so far dismisses most of the pairs near them.
     normal = vector(progress.normal_a)
     gap = _gap(tree_a, tree_b, state, first, second, normal)
     return bound_pair(tree_a, tree_b, state, first, second, bound, normal, gap)
@@ -88,10 +88,9 @@ def add_elements(tree_a, tree_b, state, a, b, bound):
 
 @kernel
 def divide_nearest(tree_a, tree_b, state):
-    """Divide the pair of cells with the least bound; returns the steps it took.
+    """Divide the pair of cells with the least bound; the last pair if room is short (see room.py).
 
-    Or the last one where room is short (see room.py).
-    Or NONE where there is no room for its parts: nothing has changed then.
+    Returns the steps it took, or NONE if there is no room for the parts (the pairs are unchanged).
     """
     progress, cells = state.progress[0], state.waiting
     pairs = cells.pairs
@@ -104,7 +103,7 @@ def divide_nearest(tree_a, tree_b, state):
     a, b, bound = np.int64(pairs[at].a), np.int64(pairs[at].b), pairs[at].bound
     normal = vector(pairs[at].normal)
     if bound >= progress.limit:
-        progress.dividing = at  # all that follow are farther
+        progress.dividing = at  # all pairs that follow are farther
         return 0
     if is_in_ball(
         tree_a, tree_b, state,
@@ -114,11 +113,11 @@ def divide_nearest(tree_a, tree_b, state):
         return PAIR_STEPS
     slack = progress.slack + margin_of(tree_a, cells.cells_a, a)
     slack += margin_of(tree_b, cells.cells_b, b)
-    # Where pairs are collected and nothing nearer is to be found, only what is too long is divided.
+    # If pairs are collected and nothing nearer can be found, divide only cells that are too long.
     collects = state.collected.shape[0] > 0
     meet = progress.distance - progress.slack <= progress.radii
     settled, steps = collects and (meet or bound >= progress.enough), 0
-    # What bends along it weakens the bound. A proof needs cells that are small in any direction.
+    # Bends along the normal weaken the bound. A proof needs cells that are small in all directions.
     along = normal if bound > 0.0 else (0.0, 0.0, 0.0)
     if not settled:
         done, holds, steps = is_done(tree_a, tree_b, state, a, b, slack)
@@ -178,7 +177,7 @@ def _offset(motion, n):
 
 @kernel
 def _gap(tree_a, tree_b, state, a, b, n):
-    """How far b's control points begin beyond the end of a's along n, metres, in a's frame."""
+    """Return how far b's control points begin beyond the end of a's along n (a's frame), metres."""
     cells, motion = state.waiting, state.motions[0]
     begin = least_of(tree_a, cells.cells_a, cells.nets_a, a, scaled(n, -1.0))
     end = least_of(tree_b, cells.cells_b, cells.nets_b, b, turned_back(motion, n))
@@ -187,7 +186,7 @@ def _gap(tree_a, tree_b, state, a, b, n):
 
 @kernel
 def _gap_of_parts(tree_a, tree_b, state, a, b, n):
-    """The same from the control points of their parts, when both are divided in four."""
+    """As `_gap`, but from the control points that both cells would have if divided in four."""
     cells, motion = state.waiting, state.motions[0]
     begin = halved_least(tree_a, cells.cells_a, cells.nets_a, a, scaled(n, -1.0))
     end = halved_least(tree_b, cells.cells_b, cells.nets_b, b, turned_back(motion, n))
@@ -196,7 +195,7 @@ def _gap_of_parts(tree_a, tree_b, state, a, b, n):
 
 @kernel
 def _shortened(v):
-    """A vector at most of unit length, for all rounding does; zero where it has no direction."""
+    """Scale a vector to at most unit length despite rounding; zero if it has no direction."""
     length = norm(v)
     if not 1e-140 < length < 1e140:
         return (0.0, 0.0, 0.0)
@@ -205,10 +204,10 @@ def _shortened(v):
 
 @kernel
 def bound_pair(tree_a, tree_b, state, a, b, bound, normal, gap):
-    """Bound a pair of cells, of which `bound` is a lower bound; returns the steps it took.
+    """Bound a pair of cells, for which `bound` is a lower bound; return the steps it took.
 
-    `gap` is that along `normal`. What may be nearer than the limit is added to the pairs that wait;
-    near points of the two are measured where they promise to be nearer than any before.
+    `gap` is the gap along `normal`. A pair that may be nearer than the limit joins the pairs that
+    wait. Near points of the two cells are measured if they promise to be nearer than any before.
     """
     progress, cells = state.progress[0], state.waiting
     progress.bound_tests += 1
@@ -235,11 +234,11 @@ def bound_pair(tree_a, tree_b, state, a, b, bound, normal, gap):
         return PAIR_STEPS
     steps = PAIR_STEPS
     share = _NEARER * max(progress.abs_err, progress.distance - progress.enough)
-    # Where the models cross, many pairs' bounds are 0, and only near points found tell.
+    # If the models cross, the bounds of many pairs are 0, and only points that are measured help.
     tries = bound <= 0.0 and _EACH * progress.primitive_tests < progress.dividing
     promising = apart + rough < progress.distance - share
     promising = promising or (tries and apart < _NEAR * progress.distance)
-    # Near points of a cell that loops cross may have been cut off: its parts and edges have others.
+    # If loops cross a cell, its near points may be cut off: its parts and edges have others.
     entire = not (is_crossed(tree_a, cells.cells_a, a) or is_crossed(tree_b, cells.cells_b, b))
     if entire and promising:
         steps += MINIMUM_STEPS
@@ -254,9 +253,9 @@ def bound_pair(tree_a, tree_b, state, a, b, bound, normal, gap):
 
 @kernel
 def _along_normals(tree_a, tree_b, state, a, b, way, slack, bound, normal):
-    """Improve a bound by the gaps along either cell's normal, in the sense of the way from a to b.
+    """Improve a bound by the gaps along either cell's normal, turned along the way from a to b.
 
-    In the other sense one of the two near points already lies behind the other.
+    Turned the other way, one of the two near points already lies behind the other.
     """
     cells = state.waiting
     own = _shortened(normal_of(tree_a, cells.cells_a, a))

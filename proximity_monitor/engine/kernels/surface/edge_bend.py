@@ -1,4 +1,4 @@
-"""How far an edge may be from its chord, in each of three directions: bounds."""
+"""Bounds of how far an edge may be from its chord, in each of three directions."""
 
 from __future__ import annotations
 
@@ -14,10 +14,11 @@ from .trim import from_unit, to_unit
 from .trim_curve import restricted
 
 _NARROW = 1e-3
-"""The least width of the window of a piece in which derivatives are bounded."""
+"""Least width of the parameter window of a piece in which derivatives are bounded."""
 
 Sizes = namedtuple("Sizes", "one other both_one both both_other")
-"""Bounds of derivatives of a coordinate: by one parameter, the other, twice, both, twice."""
+"""Bounds of the derivatives of a coordinate: by one parameter, by the other, twice by one, by both,
+and twice by the other."""
 
 
 @shared
@@ -28,11 +29,11 @@ def find_bends(table, nets, piece, face, begin, end, frame, bends):
         table: Trims.
         nets: control nets of the pieces.
         piece: PIECE, the edge.
-        face: PIECE that it lies on.
-        begin: where it begins on its trimming curve.
-        end: where it ends.
-        frame: (3, 3) orthogonal unit vectors, the rows.
-        bends: (4,) metres; the last one is how far it may be from where the exact surface has it.
+        face: PIECE, the piece that the edge lies on.
+        begin: t where the edge begins on its trimming curve.
+        end: t where it ends.
+        frame: (3, 3) the axes: orthogonal unit vectors, the rows.
+        bends: (4,) metres, along each axis; last, how far it may be from the exact edge.
     """
     trim = table.trims[piece.patch]
     points = table_on_stack(16, 3, 0.0)
@@ -42,7 +43,7 @@ def find_bends(table, nets, piece, face, begin, end, frame, bends):
     beyond = 0.0
     for axis in range(2):
         first, second, least, most = _lengths(points, segment.degree, axis)
-        # How u, of 0..1 over the piece, follows from its share of the patch (see `from_unit`).
+        # How u, 0..1 over the piece, depends on the share of the patch (see `from_unit`).
         width = face.high[axis] - face.low[axis]
         slope, turn = trim.extent[axis] / width, 0.0
         if trim.arcs[axis] > 0:
@@ -52,13 +53,14 @@ def find_bends(table, nets, piece, face, begin, end, frame, bends):
             slope *= quarter * (1.0 + tangent * tangent) / tangent
         a = (from_unit(trim, axis, least) - face.low[axis]) / width
         b = (from_unit(trim, axis, most) - face.low[axis]) / width
-        # No line, for derivatives are by its width; nor beyond the piece, where weights may vanish.
+        # The window needs a width, because derivatives are scaled by it. It stays within the piece,
+        # because weights may vanish beyond.
         a = min(max(0.5 * (a + b - max(b - a, _NARROW)), 0.0), 1.0 - _NARROW)
         b = min(max(b, a + _NARROW), 1.0)
         window[axis, 0], window[axis, 1] = a, b
         one[axis] = slope * first / (b - a)
         two[axis] = (turn * first * first + slope * second) / (b - a)
-        # Beyond its piece the curve is taken for that of the piece's own polynomials.
+        # Where the curve leaves its piece, it is taken to stay on this piece's own polynomials.
         low, high = to_unit(trim, axis, face.low[axis]), to_unit(trim, axis, face.high[axis])
         out = 2.0 * trim.slack + 8.0 * max(max(low - least, most - high), 0.0)
         beyond = max(beyond, out * slope / (b - a))
@@ -78,7 +80,7 @@ def find_bends(table, nets, piece, face, begin, end, frame, bends):
 
 @kernel
 def _turn(part, count, frame):
-    """Take the coordinates of control points along other axes; returns the largest, metres."""
+    """Rotate control points to the axes of `frame`; return the largest coordinate, metres."""
     size = 0.0
     for k in range(count):
         x, y, z = part[k], part[count + k], part[2 * count + k]
@@ -91,7 +93,7 @@ def _turn(part, count, frame):
 
 @kernel
 def _lengths(points, degree, axis):
-    """Of a plane curve's x or y: bounds of its first two derivatives, its least and its most."""
+    """Bound the first two derivatives of a plane curve's x or y; also return its least and most."""
     least, most = np.inf, -np.inf
     light = np.inf
     for i in range(degree + 1):
@@ -121,10 +123,10 @@ def _lengths(points, degree, axis):
 
 @kernel
 def _sizes(face, part, count, row):
-    """Bounds of the derivatives of one coordinate, by the quotient rule about its middle.
+    """Bound the derivatives of one coordinate by the quotient rule about its middle value.
 
-    r = N / w has r' = (N' - w' r) / w and r'' = (N'' - 2 w' r' - w'' r) / w, where N and w have
-    derivatives within the hulls of their nets' differences.
+    r = N / w has r' = (N' - w' r) / w and r'' = (N'' - 2 w' r' - w'' r) / w. The derivatives of N
+    and w lie in the hulls of the differences of their nets.
     """
     p, n = np.int64(face.degree_u), np.int64(face.degree_v) + 1
     q = n - 1
@@ -152,10 +154,10 @@ def _sizes(face, part, count, row):
 
 @kernel
 def _most(part, at, weights, n, middle, step, other, count_i, count_j, factor):
-    """The largest differences of a homogeneous coordinate about a middle, and of weights.
+    """Return the largest differences of a homogeneous coordinate about a middle, and of weights.
 
-    First ones of the points k and k + step where `other` is 0; else second ones, in which k + other
-    and k + step + other count as well.
+    Both are times `factor`. If `other` is 0, they are first differences: of the points k and k +
+    step. Else they are second differences, which use k + other and k + step + other as well.
     """
     most = weight = 0.0
     for i in range(count_i):
@@ -172,9 +174,9 @@ def _most(part, at, weights, n, middle, step, other, count_i, count_j, factor):
 
 @kernel
 def cut_window(face, nets, window, part):
-    """Write the control points of the part of a piece in a window (2, 2) of u and v.
+    """Write the control points of the part of a piece within a window (2, 2) of u and v.
 
-    Returns the numbers of one coordinate; there are four, homogeneous.
+    Returns how many numbers each coordinate has; there are four coordinates, homogeneous.
     """
     p, n = np.int64(face.degree_u), np.int64(face.degree_v) + 1
     count = (p + 1) * n
@@ -191,7 +193,7 @@ def cut_window(face, nets, window, part):
 
 @kernel
 def _cut_line(points, at, step, degree, low, high):
-    """Cut one row of coordinates: what lies before `high`, and of that what lies after `low`."""
+    """Cut one row of coordinates to what is before `high`, and that to what is after `low`."""
     for level in range(degree):
         for i in range(degree, level, -1):
             k = at + i * step

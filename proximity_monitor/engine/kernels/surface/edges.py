@@ -1,9 +1,9 @@
-"""Edges of trimmed patches: curves on pieces, elements of their own beside what is left of these.
+"""Edges of trimmed patches: curves on pieces. An edge is an element of its own beside the pieces.
 
-A nearest point of a trimmed patch lies within it, or on an edge. An edge X(t) = S(u(t), v(t)) over
-t of 0..1 is within max |X''| / 8 of its chord, and a part of length h within h² of that. So edges
-are divided at the middle of t, and the control points of a part are its ends and the corners of a
-box around its chord, which is as thick as the edge bends in each direction.
+A nearest point of a trimmed patch lies within the patch or on an edge. An edge X(t) = S(u(t), v(t))
+over t in 0..1 is within max |X''| / 8 of its chord, and a part of length h within h² times that of
+its own chord. So edges are divided at the middle of t. The control points of a part are its ends
+and the corners of a box around its chord, which is as thick as the edge bends in each direction.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ EDGE_POINTS = 10
 """Control points of an edge: the first and the last are its ends."""
 
 _CURVED = 1e-3
-"""Share of an edge's chord by which it may bend before that is worth a closer look."""
+"""An edge that bends by more than this share of its chord is bounded in each direction."""
 
 _TINY = 1e-5
-"""Step in t over which derivatives of a trimming curve are compared for its second ones."""
+"""Step in t of the differences that give the second derivatives of a trimming curve."""
 
 
 @kernel
 def place_on(tree, element, u, v):
-    """The piece that a point of an element lies on, and its u and v there, 0 to 1."""
+    """Return the piece that a point of an element lies on, and its u and v there, 0 to 1."""
     piece = tree.pieces[element]
     if piece.edge == NONE:
         return element, u, v
@@ -44,14 +44,14 @@ def place_on(tree, element, u, v):
 
 @inlined
 def _share(face, axis, value):
-    """Where a parameter of the patch lies on a piece of it, 0 to 1."""
+    """Convert a parameter of the patch to one of its piece, clamped to 0..1."""
     share = (value - face.low[axis]) / (face.high[axis] - face.low[axis])
     return min(max(share, 0.0), 1.0)
 
 
 @kernel
 def rectangle_of(tree, piece, low, high):
-    """A rectangle of the patch's parameters around the part of an edge from `low` to `high`, 0..1.
+    """Bound an edge's part from `low` to `high`, 0..1, by a rectangle of the patch's parameters.
 
     Returns its low u, low v, high u and high v.
     """
@@ -67,14 +67,14 @@ def rectangle_of(tree, piece, low, high):
 
 @kernel
 def point_on(tree, element, u, v):
-    """The point of an element, a piece or an edge, at u and v of 0..1, metres."""
+    """Return the point of an element, a piece or an edge, at u and v in 0..1, metres."""
     element, u, v = place_on(tree, element, u, v)
     return point_at(tree.pieces[element], tree.nets, u, v)
 
 
 @kernel
 def jet_on(tree, element, u, v):
-    """As `jet_at`, of any element; an edge has derivatives by u alone."""
+    """As `jet_at`, for any element; an edge has derivatives by u alone."""
     piece = tree.pieces[element]
     if piece.edge == NONE:
         return jet_at(piece, tree.nets, u, v)
@@ -101,7 +101,7 @@ def jet_on(tree, element, u, v):
 
 @kernel
 def normal_on(tree, element, u, v):
-    """A surface's unit normal at a point of an element; zero where it has none, as on an edge."""
+    """Return the unit normal at a point of an element; zero if it has none, as on an edge."""
     piece = tree.pieces[element]
     if piece.edge != NONE:
         return (0.0, 0.0, 0.0)
@@ -111,10 +111,11 @@ def normal_on(tree, element, u, v):
 
 @kernel
 def put_edge(tree, piece, low, high, bend, nets, at):
-    """Write the control points of the part of an edge from `low` to `high`, of 0..1.
+    """Write the control points of the part of an edge from `low` to `high`, in 0..1.
 
-    Returns an eighth of the largest second derivative, metres: it is no farther from its chord.
-    `bend` is what is known of that; where it is not little, a closer look tells in which direction.
+    Returns an eighth of the part's largest second derivative, metres, which bounds its distance
+    from its chord. `bend` is a known bound of that; if it is not small, each direction is bounded
+    anew.
     """
     face = tree.pieces[piece.face]
     return _put_edge(tree.trims, tree.nets, piece, face, low, high, bend, np.inf, nets, at)
@@ -122,7 +123,7 @@ def put_edge(tree, piece, low, high, bend, nets, at):
 
 @kernel
 def _put_edge(table, sources, piece, face, low, high, bend, most, nets, at):
-    """As `put_edge`; no two points of the edge are farther apart than `most`."""
+    """As `put_edge`; `most` bounds the distance of any two points of the edge."""
     first = _point(table, sources, piece, face, low)
     last = _point(table, sources, piece, face, high)
     frame, bends = table_on_stack(3, 3, 0.0), on_stack(4, 0.0)
@@ -137,7 +138,7 @@ def _put_edge(table, sources, piece, face, low, high, bend, most, nets, at):
         for i in range(3):
             bends[i] = min(bends[i], bend)
             square += bends[i] * bends[i]
-        bend = min(bend, np.sqrt(square) * (1.0 + 1e-12))  # in any direction, as parts have others
+        bend = min(bend, np.sqrt(square) * (1.0 + 1e-12))  # any direction: parts have other axes
     room = np.int64(piece.room)
     _put(nets, at, room, first)
     for k in range(8):
@@ -153,7 +154,7 @@ def _put_edge(table, sources, piece, face, low, high, bend, most, nets, at):
 
 @kernel
 def _point(table, nets, piece, face, share):
-    """The point of an edge at a share of its part of the curve."""
+    """Return the point of an edge at a share, 0..1, of its part of the curve."""
     t = piece.low[0] + share * (piece.high[0] - piece.low[0])
     u, v, _, _ = trim_point(table, piece.patch, piece.edge, t)
     return point_at(face, nets, _share(face, 0, u), _share(face, 1, v))
@@ -161,7 +162,7 @@ def _point(table, nets, piece, face, share):
 
 @kernel
 def _put_frame(frame, first, last, middle):
-    """Write three axes: along the chord, to where the curve bends, and across both."""
+    """Write three axes: along the chord, towards where the curve bends, and across both."""
     way = unit(sub(last, first))
     if not dot(way, way) > 0.5:
         way = (1.0, 0.0, 0.0)
@@ -188,13 +189,13 @@ def _put(nets, at, room, point):
 
 @entry
 def fit_edges(pieces, nets, table):
-    """Write bends and control points of all edges among pieces; returns what rounding may do.
+    """Write the bends and control points of all edges among pieces; return the rounding error.
 
-    That is how far, metres, an edge's point may be from that of the exact curve on the surface.
+    The error is how far, metres, a point of an edge may be from the exact curve on the surface.
 
     Args:
-        pieces: (m,) PIECE; an edge's patch, face, edge, low and high count.
-        nets: their control nets; those of edges are written.
+        pieces: (m,) PIECE; an edge needs its patch, face, edge, low and high.
+        nets: control nets of the pieces; those of the edges are written.
         table: Trims of the model.
     """
     lost = 0.0
@@ -219,7 +220,7 @@ def fit_edges(pieces, nets, table):
 
 @kernel
 def _extent(face, nets):
-    """No less than the distance of any two points of a piece, metres."""
+    """Bound the distance between any two points of a piece, metres."""
     square = 0.0
     for axis in range(3):
         low, high = np.inf, -np.inf

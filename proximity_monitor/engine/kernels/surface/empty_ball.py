@@ -1,16 +1,17 @@
-"""A ball beside a surface that no point of the surface lies in, and that touches it at one point.
+"""A ball beside a surface that touches the surface at one point and holds no other point of it.
 
-What lies within such a ball is at least as far from the surface as from the ball's own surface: for
-a centre c, a point t and any point s of the surface, |s - t| >= |s - c| - |t - c|. So one search
-from a point dismisses all of another model that the ball holds, however many pieces are beside it.
-Where the ball leans on the surface at the nearest point, and its centre lies behind that of the
-other model, the bound of that point is the distance itself.
+A point in the ball is at least as far from the surface as from the ball's own surface: for a centre
+c, a point t and any point s of the surface, |s - t| >= |s - c| - |t - c|. So one search from a
+point dismisses all parts of another model that the ball holds, however many pieces are beside it.
+If the ball touches the surface at the nearest point, and the ball's centre lies behind the nearest
+point of the other model, then the bound at that point is the distance itself.
 
-The larger the ball, the more it holds. It begins as a large one and shrinks where the surface
-enters it, until it touches that in two points (Ma, Bae and Choi, 3D medial axis point approximation
-using nearest neighbors and the normal field, 2012). Where the other model surrounds the centre of
-one that touches the surface in two points, it may fill a bowl: then the surface is a sphere's,
-perhaps, and only the whole ball holds all of what is about as near as the nearest point.
+The larger the ball, the more it holds. It starts large and shrinks if the surface enters it, until
+it touches the surface at two points (Ma, Bae and Choi, 3D medial axis point approximation using
+nearest neighbors and the normal field, 2012). The other model may surround the centre of a ball
+that touches the surface at two points. Then the surface may be a bowl around the other model,
+perhaps a sphere, and only the whole ball holds all points that are about as near as the nearest
+point.
 """
 
 from __future__ import annotations
@@ -36,56 +37,60 @@ from .parts import margin_of, take_whole
 from .square import is_beyond
 
 Bowl = namedtuple("Bowl", "place slack radius")
-"""The query whether nothing is nearer to a place than a radius; the answer is (yes, cost)."""
+"""The query: is no point nearer to a place than a radius? The answer is (yes, cost)."""
 
 Empty = namedtuple("Empty", "place slack share spare finest own")
-"""The query, as Foot, but `own` is not looked into, and pieces are not divided: where that would be
-needed, the least is 0."""
+"""The query, like Foot, but it skips the element `own` and divides no pieces: if a piece needs a
+division, the least is 0."""
 
 LOOKS = 256
-"""Looks at rectangles of pieces until a search gives up. It tolerates no more by then (foot.py)."""
+"""A search gives up after this many looks at rectangles of pieces. Up to there its tolerance does
+not grow (see foot.py)."""
 
 _ALL, _ITSELF, _OTHERS = 0, 1, 2
 
 _ROUNDS, _SMALLER, _HALF, _LEAST = 4, 0.9, 0.5, 0.01
-"""Balls that are tried; how large the next one is, as a share of that through the point found in
-this one; as a share of this one, where nothing could be proven; and as such at the least."""
+"""Most balls that are tried; then the next ball's radius: as a share of that of the ball through
+the point found in this one; as a share of this one's, if nothing is proven; and its least share of
+this one's."""
 
 _ALONG = 0.9
-"""Cosine of a normal and the way between nearest points from which on the ball leans on it."""
+"""The ball is placed along a surface normal whose cosine with the way between nearest points
+exceeds this."""
 
 _CLEAR = 1e-12
-"""Share of the surface's size that a point found in a ball lies above the plane that touches both,
-for the ball through it to be known."""
+"""A point found in a ball must lie above the ball's tangent plane by this share of the surface's
+size. Otherwise the radius of the ball through it is unknown."""
 
 _FLAT = 1e-12
-"""Share of both squared derivatives' product that their area's square has at the least."""
+"""Least squared area that both derivatives span, as a share of the product of their squares."""
 
 _ROUGH = 1e-7
-"""Share of the distance by which another point may be nearer than the one that is found."""
+"""Another point may be nearer than the one that is found by this share of the distance."""
 
 _SPARE = 0.25 * RESOLUTION
-"""Share of the surface's size that its distance to the centre need not be known to. It has to be
-less than all of it, so that the bound of nearest points is among those that are not nearer."""
+"""The distance from the surface to the centre may err by this share of the surface's size. The
+share is less than RESOLUTION, so that the bound at the nearest points still counts as not
+nearer."""
 
 
 _AROUND = 0.25
-"""How far the middle of the other model may be from a ball's centre, as a share of its radius, for
-that to be taken for a bowl."""
+"""A ball may count as a bowl only if the middle of the other model is nearer to its centre than
+this share of its radius."""
 
 _NUMBERS = 1024
 """Room for the net of a whole piece."""
 
 
 def find_ball(tree_a, tree_b, state):
-    """Look for a ball between the nearest points known so far, where it is time to.
+    """Look for a ball between the nearest points known so far, if it is time to: a stub.
 
     Returns the steps of a search that this took.
     """
 
 
 def is_in_ball(tree_a, tree_b, state, a, b):
-    """Whether two elements are beyond the limit by what is known of a ball."""
+    """Tell whether a known ball proves two elements to be beyond the limit: a stub."""
 
 
 @implements(visit.lane_gaps, (Empty, Bowl))
@@ -103,7 +108,7 @@ def _limit(query, answer):
 @implements(visit.meet, Empty)
 @inlined
 def _meet(query, tree, t, answer):
-    # An edge lies on a part of its patch.
+    # An edge needs no look of its own: it lies on a piece of its patch.
     if tree.pieces[t].edge != NONE or t == query.own:
         return answer
     return _look(query, tree, t, answer)
@@ -111,7 +116,7 @@ def _meet(query, tree, t, answer):
 
 @kernel
 def _look(query, tree, t, answer):
-    """The answer when an element has been looked into, as far as that goes without a division."""
+    """Return the answer with an element looked into as well, without dividing its piece."""
     done, answer = look_at_whole(query, tree, t, answer, UNDIVIDED)
     distance, nearest, u, v, _, cost = answer
     if done and cost < LOOKS:
@@ -121,18 +126,18 @@ def _look(query, tree, t, answer):
 
 @shared
 def _nearest(tree, place, radius, more, element, u, v, which):
-    """About the point of a surface nearest to a place, metres: element, u, v.
+    """Find about the point of a surface nearest to a place, metres: element, u, v.
 
-    It is looked for within a radius, among ALL elements, in the given one or in all OTHERS, and the
-    given point is the answer where there is none. Returns also a lower bound of the distance, which
-    is `more` less than that at least, and what it cost.
+    The search covers ALL elements, only the given one (ITSELF), or all OTHERS, within a radius. If
+    no point is within it, the answer is the given point. Also returns a lower bound of the
+    distance, at least `more` below the distance that is found, and the cost.
     """
     stack, bounds = on_stack(ROOM, np.int32(0)), on_stack(ROOM, 0.0)
     found = on_stack(WIDTH, np.float32(0.0))
     query = Empty(place, points_err(tree), 0.0, more, 0.0, element if which == _OTHERS else NONE)
     answer = unlooked(radius, element, u, v)
     if which == _ITSELF:
-        if tree.pieces[element].edge == NONE:  # else its patch is among the others
+        if tree.pieces[element].edge == NONE:  # the patch of an edge is among the others
             answer = _look(query, tree, element, answer)
     else:
         top = at_root(stack, bounds)
@@ -151,7 +156,7 @@ def _limit_of_bowl(query, answer):
 @kernel
 def _meet_bowl(query, tree, t, answer):
     piece, parts = tree.pieces[t], on_stack(_NUMBERS, 0.0)
-    if piece.edge != NONE:  # it lies on a part of its patch
+    if piece.edge != NONE:  # an edge lies on a piece of its patch
         return answer
     take_whole(piece, tree.nets, query.place, parts)
     margin = margin_of(tree, piece, query.place, 0)
@@ -160,11 +165,11 @@ def _meet_bowl(query, tree, t, answer):
 
 @shared
 def _is_bowl(tree, place, radius):
-    """Whether no point of a surface is nearer to a place than a radius, metres; what it cost.
+    """Tell whether no point of a surface is nearer to a place than a radius, metres; and the cost.
 
-    By the squared distance of each piece alone: from the centre of a sphere that is the same all
-    over it, and no step of Newton's method leads anywhere. What rounding does to a piece and that
-    distance is in the margin (see square.py); edges lie on a part of their patch.
+    Only the squared distance of each piece is bounded: from the centre of a sphere it is constant,
+    and no step of Newton's method leads anywhere. The margin covers the rounding of a piece and of
+    the squared distance (see square.py). Edges lie on a part of their patch.
     """
     stack, bounds = on_stack(ROOM, np.int32(0)), on_stack(ROOM, 0.0)
     found = on_stack(WIDTH, np.float32(0.0))
@@ -181,9 +186,9 @@ def _spare(tree):
 
 @kernel
 def nearest_on(tree, element, u, v, place):
-    """About the point of a surface nearest to a place, metres: element, u, v; and what it cost.
+    """Find about the point of a surface nearest to a place, metres: element, u, v, and the cost.
 
-    The search begins with such a point.
+    The search begins with the given point.
     """
     radius = norm(sub(point_on(tree, element, u, v), place))
     spare = max(_ROUGH * radius, _spare(tree))
@@ -193,7 +198,7 @@ def nearest_on(tree, element, u, v, place):
 
 @kernel
 def _normal_at(tree, element, u, v, n):
-    """The surface's normal at one of its points, on the side of n, where it is about along that."""
+    """Return the surface's normal at a point, on the side of n; or n if not about parallel to n."""
     own = normal_on(tree, element, u, v)
     cosine = dot(own, n)
     return scaled(own, np.copysign(1.0, cosine)) if abs(cosine) > _ALONG else n
@@ -201,9 +206,9 @@ def _normal_at(tree, element, u, v, n):
 
 @kernel
 def _bend_towards(tree, element, u, v, n):
-    """The larger curvature of a surface at one of its points, 1/metres, positive towards n.
+    """Return the larger curvature of a surface at one of its points, 1/metres, positive towards n.
 
-    0 where none is known.
+    Returns 0 if it is unknown.
     """
     piece = tree.pieces[element]
     if piece.edge != NONE or piece.degree_v == 0:
@@ -222,26 +227,26 @@ def _bend_towards(tree, element, u, v, n):
 
 @inlined
 def _below(most, wanted):
-    """A radius below the largest that is possible, and well above one that is wanted, if one is."""
+    """Return a radius below the largest possible one, and well above the wanted one if possible."""
     return max(_SMALLER * most, 0.5 * (wanted + most)) if wanted < most else _SMALLER * most
 
 
 @kernel
 def empty_ball(tree, element, u, v, n, radius, more, middle, wanted):
-    """A ball of that radius at most beside a point of a surface, metres, on the side that n tells.
+    """Find a ball of at most a radius, metres, beside a point of a surface, on the side of n.
 
-    `middle` is that of the other model, and `wanted` a radius from which on it may hold all of
-    that. All is in the surface's frame.
+    `middle` is the middle of the other model. From the radius `wanted` on, the ball may hold all of
+    the other model. All is in the surface's frame.
 
-    Returns its centre; a lower bound of that one's distance to the element, and one of that to all
-    others, which is `more` larger than the radius at the most; and what it cost.
+    Returns the ball's centre, lower bounds of the centre's distance to the element and to all
+    others, the latter at most `more` larger than the radius; and the cost.
     """
     p, spare = point_on(tree, element, u, v), _spare(tree)
     c, own, others, cost = p, 0.0, 0.0, 0
     n = _normal_at(tree, element, u, v, n)
     bend = _bend_towards(tree, element, u, v, n)
     if bend * radius > _SMALLER and norm(sub(along(p, n, 1.0 / bend), middle)) * bend >= _AROUND:
-        # One that is larger than the bend allows would cut through the surface beside the point.
+        # A ball larger than the curvature allows would cut through the surface beside the point.
         radius = _below(1.0 / bend, wanted)
     for _ in range(_ROUNDS):
         c = along(p, n, radius)
@@ -259,7 +264,7 @@ def empty_ball(tree, element, u, v, n, radius, more, middle, wanted):
             break
         way = sub(point_on(tree, other, other_u, other_v), p)
         height = dot(way, n)
-        clear = height > _CLEAR * tree.scale[2]  # else rounding alone tells a radius
+        clear = height > _CLEAR * tree.scale[2]  # else the radius would be rounding noise
         through = dot(way, way) / (2.0 * height) if clear else np.inf
         centre = along(p, n, through)
         if norm(sub(centre, middle)) < _AROUND * through and through > spare:

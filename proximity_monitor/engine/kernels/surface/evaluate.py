@@ -6,17 +6,17 @@ from ..base.jit import fused, inlined, kernel
 from ..base.memory import on_stack, table_on_stack
 
 _MOST = 16
-"""Control points in a direction: of degree 15."""
+"""Most control points in one direction: degree 15."""
 
 
 @kernel
 def bernstein(degree, t, basis):
-    """Bernstein polynomials at t and their first two derivatives: rows of `basis` (3, 16).
+    """Write the Bernstein polynomials at t, and two derivatives, to the rows of `basis` (3, 16).
 
-    Each is a sum of products of t and 1 - t, which are not negative for t in 0..1: so it errs by no
-    more than 3 `degree` u of itself.
+    Each polynomial is a sum of products of t and 1 - t. Neither is negative for t in 0..1, so the
+    relative error is at most 3 `degree` u.
     """
-    # With a number that the compiler knows the loops disappear: see `jet_at`.
+    # If the compiler knows the degree, it unrolls the loops: see `jet_at`.
     if degree == 3:
         _put_basis(3, t, basis)
     elif degree == 2:
@@ -30,7 +30,7 @@ def _put_basis(degree, t, basis):
     s = 1.0 - t
     basis[0, 0] = 1.0
     for k in range(degree):
-        if k == degree - 2:  # the values of degree - 2 make the second derivatives
+        if k == degree - 2:  # `basis` holds values of degree - 2: they give second derivatives
             _second_differences(basis, k, degree * (degree - 1.0))
         if k == degree - 1:
             _first_differences(basis, k, float(degree))
@@ -49,7 +49,7 @@ def _put_basis(degree, t, basis):
 
 @inlined
 def _first_differences(basis, k, factor):
-    """Derivatives of degree k + 1 from values of degree k."""
+    """Write first derivatives of the polynomials of degree k + 1 from values of degree k."""
     last = 0.0
     for i in range(k + 1):
         value = basis[0, i]
@@ -60,7 +60,7 @@ def _first_differences(basis, k, factor):
 
 @inlined
 def _second_differences(basis, k, factor):
-    """Second derivatives of degree k + 2 from values of degree k."""
+    """Write second derivatives of the polynomials of degree k + 2 from values of degree k."""
     before = last = 0.0
     for i in range(k + 1):
         value = basis[0, i]
@@ -72,7 +72,7 @@ def _second_differences(basis, k, factor):
 
 @kernel
 def point_at(piece, nets, u, v):
-    """The point of a piece at u, v of 0..1, metres."""
+    """Return the point of a piece at u, v in 0..1, metres."""
     basis_u, basis_v = table_on_stack(3, _MOST, 0.0), table_on_stack(3, _MOST, 0.0)
     bernstein(piece.degree_u, u, basis_u)
     bernstein(piece.degree_v, v, basis_v)
@@ -95,7 +95,7 @@ def point_at(piece, nets, u, v):
 
 @kernel
 def jet_at(piece, nets, u, v):
-    """The point at u, v and the derivatives by u, v, uu, uv and vv, metres: six vectors."""
+    """Return the point at u, v and the derivatives by u, v, uu, uv and vv: six vectors, metres."""
     basis_u, basis_v = table_on_stack(3, _MOST, 0.0), table_on_stack(3, _MOST, 0.0)
     jet = on_stack(24, 0.0)
     bernstein(piece.degree_u, u, basis_u)
@@ -104,8 +104,8 @@ def jet_at(piece, nets, u, v):
     rows = 4 if piece.rational else 3
     for row in range(rows):
         at = piece.net + row * piece.room
-        # With numbers that the compiler knows the loops disappear: of most splines, and of what
-        # turns round an axis.
+        # If the compiler knows the sizes, it unrolls the loops: 4 suits most splines, 3 surfaces of
+        # revolution.
         if p == 4 and q == 4:
             _put_row(nets, at, 4, 4, basis_u, basis_v, jet, row)
         elif p == 3 and q == 3:
@@ -122,7 +122,7 @@ def jet_at(piece, nets, u, v):
 
 @fused
 def _put_row(nets, at, p, q, basis_u, basis_v, jet, row):
-    """Write one coordinate and its derivatives."""
+    """Write one coordinate and its derivatives to `jet`."""
     f = fu = fv = fuu = fuv = fvv = 0.0
     for i in range(p):
         a = b = c = 0.0
@@ -143,7 +143,7 @@ def _put_row(nets, at, p, q, basis_u, basis_v, jet, row):
 
 @kernel
 def _project(jet):
-    """From homogeneous coordinates to space, by the quotient rule."""
+    """Project a jet from homogeneous coordinates to space, by the quotient rule."""
     w = 1.0 / jet[3]
     wu, wv, wuu, wuv, wvv = jet[7], jet[11], jet[15], jet[19], jet[23]
     for k in range(3):

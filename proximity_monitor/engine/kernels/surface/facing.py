@@ -1,7 +1,7 @@
 """Where two cells face each other: near points of the parallelograms that stand for them.
 
-These give a direction along which the cells' control points are compared, and parameters to begin
-a local search with. Nothing certain depends on either: a poor direction makes a weaker bound.
+These points give a direction along which to compare the cells' control points, and parameters to
+begin a local search with. Nothing certain depends on either: a poor direction weakens the bound.
 """
 
 from __future__ import annotations
@@ -13,33 +13,36 @@ from ..base.memory import on_stack, table_on_stack
 from ..base.vectors import along, dot, moved, norm, rotated, sub
 
 _SWEEPS = 3
-"""Rounds of coordinate descent. Two cost six times as many divisions on near offsets."""
+"""Rounds of coordinate descent. With two, near offset surfaces need six times as many divisions."""
 
 
 _LONG = 4.0
-"""How many times as long as wide a cell is long."""
+"""A cell is long if it is this many times as long as wide."""
 
 _DEPENDENT = 1e-12
-"""Share of the square of an axis that may be left of it beside the others for it to be one of them,
-but for rounding."""
+"""An axis counts as dependent on others if no more than this share of its square is left beside
+them: that is rounding."""
 
 _NONE = 1e-300
-"""Square of a length that is none."""
+"""Squared lengths below this are taken for this, to divide by."""
 
 _MOST, _INWARD = 16, 1e-9
-"""Changes of what is held at the most; and the cosine between the way and an axis from which on a
+"""Most changes of the set of held places; and the cosine between the way and an axis above which a
 place is let go."""
 
 
 @kernel
 def vector(field):
-    """Three numbers of a record as a vector."""
+    """Return three numbers of a record as a vector."""
     return (field[0], field[1], field[2])
 
 
 @inlined
 def _step(way, axis, squared, at, sign):
-    """The best place in -1..1 along one half axis, and the way from there; `sign` is that of it."""
+    """Return the best place in -1..1 along one half axis, and the way from there.
+
+    `sign` is the sign of the axis in the way.
+    """
     # way = ... + sign * at * axis; its length is least where its product with the axis vanishes.
     if squared <= 0.0:
         return at, way
@@ -50,10 +53,10 @@ def _step(way, axis, squared, at, sign):
 
 @kernel
 def parallelograms(cell_a, cell_b, motion):
-    """Near points of two cells' parallelograms: coordinate descent from their centres.
+    """Find near points of two cells' parallelograms by coordinate descent from their centres.
 
-    Returns the way from that of a to that of b, in a's frame, and the places, -1 to 1, along the
-    half axes of each.
+    Returns the way from a's point to b's point, in a's frame, and the places, -1 to 1, along the
+    half axes of each parallelogram.
     """
     e, f = vector(cell_a.along_u), vector(cell_a.along_v)
     g, h = rotated(motion, vector(cell_b.along_u)), rotated(motion, vector(cell_b.along_v))
@@ -66,8 +69,8 @@ def parallelograms(cell_a, cell_b, motion):
         c, way = _step(way, g, gg, c, 1.0)
         d, way = _step(way, h, hh, d, 1.0)
     if is_long(ee, ff) or is_long(gg, hh):
-        # Descent goes in small steps where both are long, and a way that is tilted along a cell
-        # makes a bound that is worse by the tilt times its length.
+        # If both are long, descent takes small steps. A way that is tilted along a cell weakens the
+        # bound by the tilt times the cell's length.
         places = on_stack(4, 0.0)
         places[0], places[1], places[2], places[3] = a, b, c, d
         axes = table_on_stack(4, 3, 0.0)
@@ -82,17 +85,17 @@ def parallelograms(cell_a, cell_b, motion):
 
 @inlined
 def is_long(uu, vv):
-    """Whether a cell is far longer than wide, from the squares of its half axes."""
+    """Tell whether a cell is far longer than wide, from the squares of its half axes."""
     return max(uu, vv) > _LONG * _LONG * min(uu, vv)
 
 
 @kernel
 def _straightened(way, axes, places):
-    """The shortest way between two parallelograms, whose places (4,) along axes (4, 3) it moves.
+    """Return the shortest way between two parallelograms; move their places (4,) along axes (4, 3).
 
-    By an active set (Nocedal and Wright, Numerical Optimization, section 16.5): places that would
-    go beyond an end are held there, one after the other, and let go where the way becomes shorter
-    inwards. It is normal to the axes of all others.
+    By an active set (Nocedal and Wright, Numerical Optimization, section 16.5): a place that would
+    go beyond an end is held there, one place at a time, and let go if the way becomes shorter
+    inwards. The way is normal to the axes of all places that are not held.
     """
     factor, step, held = table_on_stack(4, 4, 0.0), on_stack(4, 0.0), on_stack(4, 0)
     for i in range(4):
@@ -111,7 +114,7 @@ def _straightened(way, axes, places):
         if last >= 0:
             places[last], held[last], straight = 1.0 if step[last] > 0.0 else -1.0, 1, False
             continue
-        if not straight:  # once more for what rounding has left
+        if not straight:  # once more, for the error that rounding has left
             straight = True
             continue
         worst = _INWARD * norm(way)
@@ -133,7 +136,7 @@ def _axis(axes, i):
 
 @kernel
 def _put_step(way, axes, held, factor, step):
-    """Write the step to where the way is normal to all axes along which nothing is held."""
+    """Write the step to where the way is normal to all axes whose places are not held."""
     for i in range(4):
         one, free = _axis(axes, i), held[i] == 0
         step[i] = -dot(one, way) if free else 0.0
@@ -141,7 +144,7 @@ def _put_step(way, axes, held, factor, step):
             value = dot(one, _axis(axes, j)) if free else 0.0
             for k in range(j):
                 value -= factor[i, k] * factor[j, k]
-            if i == j:  # along what others do as well, or nothing, there is no step
+            if i == j:  # an axis that depends on others, or is zero, gets no step
                 factor[i, i] = np.sqrt(value) if value > _DEPENDENT * dot(one, one) else 0.0
             else:
                 factor[i, j] = value / factor[j, j] if factor[j, j] > 0.0 else 0.0
@@ -156,10 +159,10 @@ def _put_step(way, axes, held, factor, step):
 
 @kernel
 def closest_in(centre, e, f, q):
-    """The place, -1 to 1, along both half axes of a parallelogram, of its nearest point to q.
+    """Return the places, -1 to 1, along both half axes of a parallelogram's nearest point to q.
 
-    Where the nearest point of the whole plane lies outside, it is on one of the edges beyond which
-    that lies.
+    If the nearest point of the whole plane lies outside, the answer is on one of the edges beyond
+    which that point lies.
     """
     way = sub(q, centre)
     ee, ff, ef, ew, fw = dot(e, e), dot(f, f), dot(e, f), dot(e, way), dot(f, way)
@@ -173,7 +176,7 @@ def closest_in(centre, e, f, q):
         a, b = ew * of_e, 0.0
     a, b = _within(a), _within(b)
     c, d = _within((ew - b * ef) * of_e), _within((fw - a * ef) * of_f)
-    # Half the squared distance from q, but for what both have in common.
+    # Half the squared distance from q, less the terms that both have in common.
     one = a * (0.5 * a * ee - ew) + d * (0.5 * d * ff - fw + a * ef)
     other = c * (0.5 * c * ee - ew) + b * (0.5 * b * ff - fw + c * ef)
     return (a, d) if one <= other else (c, b)
@@ -186,7 +189,7 @@ def _within(at):
 
 @kernel
 def parameters_in(cell, place):
-    """The element's parameters at places -1 to 1 along a cell's half axes, as weights."""
+    """Return the element's parameters, as weights, at places -1 to 1 along a cell's half axes."""
     u = 0.5 * ((cell.low[0] + cell.high[0]) + place[0] * (cell.high[0] - cell.low[0]))
     v = 0.5 * ((cell.low[1] + cell.high[1]) + place[1] * (cell.high[1] - cell.low[1]))
     return (min(max(u, 0.0), 1.0), min(max(v, 0.0), 1.0), 0.0)

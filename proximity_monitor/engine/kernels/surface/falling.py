@@ -1,9 +1,10 @@
-"""A proof that a cell which trimming loops cross holds no nearest point but on an edge.
+"""A proof that a cell which trimming loops cross holds a nearest point on an edge only.
 
 A nearest point of a trimmed patch lies on an edge, which is an element of its own, or the distance
-does not fall along either parameter there. Where it falls all over a cell, as long as the cell's
-piece goes on in that direction, only edges are left. Bounds of what has been cut off would not
-tell: such cells would have to be as small as what the answer may err by, all along the loop.
+there does not fall along either parameter. If the distance falls all over a cell in a direction in
+which the cell's piece goes on, only edges are left. Bounds alone would not prove this, because they
+include what has been cut off: cells all along the loop would have to be as small as the allowed
+error.
 """
 
 from __future__ import annotations
@@ -20,23 +21,24 @@ from .trim import CROSSING
 
 
 def is_crossed(tree, cells, index):
-    """Whether trimming loops cross a cell, or may."""
+    """Tell whether trimming loops cross a cell, or may cross it: a stub."""
 
 
 def ball_of(tree, cells, nets, index):
-    """Centre and radius of a ball that holds a cell, metres, but for its margin."""
+    """Return the centre and the radius, metres, of a ball that holds a cell: a stub."""
 
 
 def falls(tree, cells, nets, index, way, spread):
-    """Whether every point of a cell can be moved so that it comes nearer to what it faces.
+    """Tell whether every point of a cell can move so that it comes nearer to what it faces: a stub.
 
-    The way from any of its points to that is within `spread` of `way`, in its model's frame.
+    The way from any point of the cell to what it faces is within `spread` of `way`, in the frame of
+    the cell's model.
     """
 
 
 @kernel
 def leads_to_edges(tree_a, tree_b, state, a, b, slack):
-    """Whether of two cells, one of which is crossed, no inner points are the nearest."""
+    """Tell whether two cells, one of them crossed by loops, surely hold no nearest inner points."""
     waiting = state.waiting
     of_a = is_crossed(tree_a, waiting.cells_a, a)
     of_b = is_crossed(tree_b, waiting.cells_b, b)
@@ -44,7 +46,7 @@ def leads_to_edges(tree_a, tree_b, state, a, b, slack):
         return False
     one, radius = ball_of(tree_a, waiting.cells_a, waiting.nets_a, a)
     other, more = ball_of(tree_b, waiting.cells_b, waiting.nets_b, b)
-    spread = (radius + more) * (1.0 + 1e-5) + 4.0 * slack  # lengths of b: see form.py
+    spread = (radius + more) * (1.0 + 1e-5) + 4.0 * slack  # 1e-5: a pose may stretch b, see form.py
     way = sub(moved(state.motions[0], other), one)
     if of_a and falls(tree_a, waiting.cells_a, waiting.nets_a, a, way, spread):
         return True
@@ -91,10 +93,10 @@ def _falls(tree, cells, nets, index, way, spread):
 
 @kernel
 def _slopes(cell, piece, nets, at, step, count_i, count_j, way, spread, length, radius):
-    """The range of a derivative's product with the ways, times a positive factor.
+    """Return the range of the product of a derivative with the ways, times a positive factor.
 
-    About the cell's centre c, w r' = N' - w' (r - c) with N = w (P - c): the first lies in the hull
-    of differences of control points, and w' between those of weights.
+    About the cell's centre c, w r' = N' - w' (r - c) with N = w (P - c). N' lies in the hull of the
+    differences of control points, and w' between the least and the largest difference of weights.
     """
     room, n = np.int64(piece.room), np.int64(piece.degree_v) + 1
     low, high, turn = np.inf, -np.inf, 0.0

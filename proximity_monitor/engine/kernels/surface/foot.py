@@ -1,10 +1,11 @@
-"""The point of a surface that is nearest to a given one, as near to it as is asked for.
+"""The foot: the point of a surface that is nearest to a given point, to within a tolerance.
 
-A piece is bounded by the gap between the point and its control points, along the way to a near
-point of the parallelogram that stands for it. What may hold a point that is nearer by more than is
-tolerated is mostly done with by Newton's method and Taylor's formula (see minimum.py); else its
-control points are divided. Where loops cross a part, either its distance
-falls all over it, so that only its edges count, which are elements of their own, or it is divided.
+A piece is bounded by the gap between the point and the piece's control points, along the way to a
+near point of the parallelogram that stands for the piece. If a piece may hold a point that is
+nearer by more than the tolerance, Newton's method and Taylor's formula mostly settle it (see
+minimum.py); otherwise its control points are divided. If loops cross a part, either the distance
+falls all over the part, so that only its edges count, which are elements of their own, or the part
+is divided.
 """
 
 from __future__ import annotations
@@ -52,63 +53,63 @@ from .square import is_beyond
 from .trim import CROSSING, OUTSIDE
 
 Foot = namedtuple("Foot", "place slack share spare finest")
-"""The query: nothing is looked into that is nearer by less than a share of the distance, than is
-spared, metres, or than the `finest` that bounds come to. The answer is (distance, piece, u, v,
-least, cost): the surface is no nearer than the least of what was left, and it took so many
-divisions and proofs. A piece that has not been looked into yet, because the search began with one
-of its points, is ~piece."""
+"""The query. The search ignores points that are nearer than the distance found by less than the
+tolerance: a `share` of the distance, `spare` metres or `finest` metres (what bounds resolve),
+whichever is largest. The answer is (distance, piece, u, v, least, cost): the parts that were left
+undivided are no nearer than `least`, and `cost` counts divisions and proofs. A search may begin
+with a point of a piece that it has not looked into yet; the answer then holds ~piece."""
 
 _PATIENCE, _GROWTH = 4096, 12
-"""What a search may cost until its finest grows, and with which power of its cost it does. So
-every search ends: around the centre of a sphere all of it is about as near."""
+"""The cost above which the finest tolerance grows, and the power of the cost by which it grows. So
+every search ends: from the centre of a sphere, all of the sphere is about equally near."""
 
 _NEARER = 0.25
-"""Share of what is tolerated from which on an edge's bend is worth a division."""
+"""An edge is divided only if its bend exceeds this share of the tolerance."""
 
 _RECTANGLES, _FEW, _EVERY = 16, 4, 4
-"""Rectangles of a piece that are looked at before its control points are divided, and of a part;
-and how many divisions later the next parts are looked at so, after the first ones: about a pole
-control points alone tell."""
+"""Most rectangles of a piece that are looked at before its control points are divided; the same of
+a part. After the first divisions, parts are looked at in this way only after every so many further
+divisions: near a pole only control points help."""
 
 UNDIVIDED = 128
-"""Rectangles of a piece that are looked at where control points are not divided."""
+"""Most rectangles of a piece that are looked at if control points are not divided."""
 
 _LOOKS, _CHORDS = 256, 64
-"""Looks at parts of an edge, and how many of them may wait."""
+"""Most looks at parts of an edge, and most parts that may wait."""
 
 _TOLD = 2.0**-52
-"""The shortest stretch of a parameter, 0 to 1, whose ends float64 has wherever halving puts it."""
+"""The shortest parameter stretch, in 0 to 1, whose ends float64 holds wherever halving puts it."""
 
 FAR = 1e150
-"""Metres: farther than anything is."""
+"""Metres: larger than any distance."""
 
 
 _TURN, _LOOK = 4, 2
-"""Steps of a descent until what its elements took is counted; and those that a look takes."""
+"""Steps of a descent until the cost of its elements is counted; and steps that a look takes."""
 
 
 @inlined
 def _spared(query, cost):
-    """The metres that are spared after such a cost."""
+    """Return the metres that are tolerated at a cost."""
     return max(query.spare, max(cost / _PATIENCE, 1.0) ** _GROWTH * query.finest)
 
 
 @inlined
 def enough(query, answer):
-    """The distance from which on nothing is looked for, metres."""
+    """Return the distance, metres, from which on nothing is looked for."""
     return answer[0] - max(query.share * answer[0], _spared(query, answer[5]))
 
 
 @inlined
 def unlooked(distance, piece, u, v):
-    """The answer to begin with: no point, or one of a piece that is still to be looked into."""
+    """Return the answer to begin with: no point, or a point of a piece still to be looked into."""
     return distance, ~np.int64(piece), u, v, np.inf, np.int64(0)
 
 
 @inlined
 def look_for(query, tree, answer, top, stack, bounds, found, steps):
-    """Go on with a search in about `steps` steps: (answer, how many are open, steps left)."""
-    while top > 0 and steps > 0:  # by turns, as an element takes steps that are known afterwards
+    """Continue a search for about `steps` steps: (answer, how many are open, steps left)."""
+    while top > 0 and steps > 0:  # in turns: the steps of an element are known only afterwards
         turn, before = min(steps, _TURN), answer[5]
         answer, top, left = descend(query, tree, answer, top, stack, bounds, found, turn)
         steps -= turn - left + _LOOK * (answer[5] - before)
@@ -117,7 +118,7 @@ def look_for(query, tree, answer, top, stack, bounds, found, steps):
 
 @inlined
 def bounded(query, answer):
-    """The nearest piece of an answer, and how near the surface may be at least, metres."""
+    """Return the nearest piece of an answer, and a lower bound of the distance, metres."""
     least = min(answer[4], answer[0] - max(query.share * answer[0], _spared(query, 0)))
     return max(answer[1], ~answer[1]), max(least, 0.0)
 
@@ -137,11 +138,11 @@ def _limit(query, answer):
 @implements(visit.meet, Foot)
 @shared
 def foot_in(query, tree, t, answer):
-    """The answer when an element has been looked into as well."""
+    """Return the answer with an element looked into as well."""
     piece, first = tree.pieces[t], answer[5]
     if piece.edge != NONE:
         answer = _foot_on_edge(query, tree, t, answer)
-    elif t != answer[1]:  # else it was looked into
+    elif t != answer[1]:  # else it has been looked into
         if answer[0] >= FAR and piece.side == CROSSING:  # any of its points is better than none
             nearest = np.int64(piece.face)
             u, v = 0.5, (0.5 if tree.pieces[nearest].degree_v > 0 else 0.0)
@@ -151,7 +152,7 @@ def foot_in(query, tree, t, answer):
         done, answer = look_at_whole(query, tree, t, answer, most)
         if not done:
             answer = _look_at_parts(query, tree, t, answer)
-    if answer[5] > _PATIENCE:  # more is tolerated than the query knows
+    if answer[5] > _PATIENCE:  # the tolerance has grown beyond that of the query
         distance, nearest, u, v, least, cost = answer
         answer = distance, nearest, u, v, min(least, enough(query, answer)), cost
     return answer
@@ -159,16 +160,17 @@ def foot_in(query, tree, t, answer):
 
 @inlined
 def _costing(answer, more):
-    """An answer that cost so much more."""
+    """Return an answer with `more` added to its cost."""
     distance, nearest, u, v, least, cost = answer
     return distance, nearest, u, v, least, cost + more
 
 
 @kernel
 def _improved(query, tree, t, answer, limits, at, u, v):
-    """Look for a minimum in a rectangle of piece t: the answer, and what is known of that.
+    """Look for a minimum in a rectangle of piece t, from u, v on.
 
-    Namely the bound, where the search has led to, what is left, whether it is to be halved in u.
+    Returns the bound, the u and v where the search has led, the rectangle that is left, whether to
+    halve it in u, and the answer.
     """
     distance, nearest, best_u, best_v, least, cost = answer
     found, u, v, bound, at, in_u = minimum_in(
@@ -182,9 +184,9 @@ def _improved(query, tree, t, answer, limits, at, u, v):
 
 @kernel
 def look_at_whole(query, tree, t, answer, most):
-    """Whether a piece is done with, without a division of control points, and the answer then.
+    """Return whether a piece is settled without dividing control points, and the answer then.
 
-    No more than `most` of its rectangles, UNDIVIDED at most, are looked at.
+    Looks at no more than `most` of its rectangles, and no more than UNDIVIDED.
     """
     piece, p = tree.pieces[t], query.place
     below = enough(query, answer)
@@ -205,9 +207,9 @@ def look_at_whole(query, tree, t, answer, most):
 
 @kernel
 def _look_at_rectangle(query, tree, t, answer, limits, at, u, v, most):
-    """The same of a rectangle of a piece, of which no more than `most` are looked at.
+    """As `look_at_whole`, for one rectangle of a piece, divided into no more than `most`.
 
-    Minima are looked for from u, v on.
+    The search for minima begins at u, v.
     """
     stack = table_on_stack(UNDIVIDED, 6, 0.0)
     _put(stack, 0, at)
@@ -226,7 +228,7 @@ def _look_at_rectangle(query, tree, t, answer, limits, at, u, v, most):
             return False, answer
         low = (u <= 0.5 * (at.low_u + at.high_u)) if in_u else (v <= 0.5 * (at.low_v + at.high_v))
         _put(stack, top, half_of(at, 1 if low else 0, in_u))
-        _put(stack, top + 1, half_of(at, 0 if low else 1, in_u))  # it comes first
+        _put(stack, top + 1, half_of(at, 0 if low else 1, in_u))  # this half comes first
         stack[top + 1, 4], stack[top + 1, 5] = u, v
         top += 2
         looks += 2
@@ -235,14 +237,14 @@ def _look_at_rectangle(query, tree, t, answer, limits, at, u, v, most):
 
 @inlined
 def _put(stack, k, at):
-    """Write a rectangle, and its middle."""
+    """Write a rectangle and its middle to row k."""
     stack[k, 0], stack[k, 1], stack[k, 2], stack[k, 3] = at.low_u, at.high_u, at.low_v, at.high_v
     stack[k, 4], stack[k, 5] = 0.5 * (at.low_u + at.high_u), 0.5 * (at.low_v + at.high_v)
 
 
 @kernel
 def _look_at_parts(query, tree, t, answer):
-    """The answer when a piece has been looked into, divided where that is needed."""
+    """Return the answer with a piece looked into, divided where needed."""
     piece, p = tree.pieces[t], query.place
     parts, bounds = on_stack(NUMBERS, 0.0), on_stack(MOST, 0.0)
     about = table_on_stack(MOST, ABOUT, 0.0)
@@ -267,7 +269,8 @@ def _look_at_parts(query, tree, t, answer):
             top -= 1
             continue
         answer = _costing(answer, 1)
-        # Each where it is longer itself: all about a pole are as near it, however thin they are.
+        # Divide a part where it is longer itself: near a pole all parts are equally near, however
+        # thin.
         about[k, EXTENT_U], about[k, EXTENT_V], left = extents_of(
             piece, parts, place_of(piece, k), True
         )
@@ -280,7 +283,7 @@ def _look_at_parts(query, tree, t, answer):
 
 @kernel
 def _look_at_part(query, tree, t, answer, parts, about, k):
-    """A lower bound of the distance to a part, infinity where it is done with; and the answer."""
+    """Return a lower bound of the distance to a part, infinity if it is settled; and the answer."""
     piece, row, at = tree.pieces[t], about[k], place_of(tree.pieces[t], k)
     margin = margin_of(tree, piece, query.place, np.int64(row[SPLITS]))
     bound, a, b = away_from(piece, parts, at, margin)
@@ -298,7 +301,7 @@ def _look_at_part(query, tree, t, answer, parts, about, k):
         return bound, answer
     most = 1 if side == CROSSING else _FEW
     low_u, high_u, low_v, high_v = row[LOW_U], row[HIGH_U], row[LOW_V], row[HIGH_V]
-    # What is shorter may have been rounded to another stretch: see `is_halved`.
+    # A shorter stretch may have been rounded to a different one: see `is_halved`.
     if high_u - low_u < _TOLD or (piece.degree_v > 0 and high_v - low_v < _TOLD):
         return bound, answer
     limits = limits_in(limits_of_part(piece, parts, at, margin), high_u - low_u, high_v - low_v)
@@ -311,7 +314,7 @@ def _look_at_part(query, tree, t, answer, parts, about, k):
 
 @kernel
 def _foot_on_edge(query, tree, t, answer):
-    """The same of an edge. A part of length h, of 0..1, lies within h² of `bend` of its chord."""
+    """As `foot_in`, of an edge. A part of length h, of 0..1, lies within h² `bend` of the chord."""
     piece, p = tree.pieces[t], query.place
     margin = margin_of(tree, piece, p, 0)
     stack = table_on_stack(_CHORDS, 8, 0.0)

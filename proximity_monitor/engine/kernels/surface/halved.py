@@ -1,8 +1,8 @@
 """How far a cell reaches along a direction, from the control points of its parts.
 
-Those of a cell go beyond it by about as much as it bends; those of its four parts by a quarter of
-that. Along one direction these are midpoints of numbers, not of points: far less work than to
-divide the cell, which this often saves.
+The control points of a cell go beyond the cell by about as much as it bends; those of its four
+parts by a quarter of that. Along one direction, this takes midpoints of numbers, not of points: far
+less work than dividing the cell, and it often makes the division unnecessary.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ from .sides import least_of
 from .subdivide import PROJECTED
 
 _MOST = 496
-"""Numbers of a cell that is divided in u alone, of degree 15 in both directions."""
+"""Most numbers of a cell divided in u alone, of degree 15 in both directions."""
 
 
 def halved_least(tree, cells, nets, index, n):
-    """As `least_of`, from the points of a cell's parts, and with all that rounding may do."""
+    """As `least_of`, but from the points of a cell's parts, less all rounding errors: a stub."""
 
 
 @inlined
 def _halve(line, last, out, first, step):
-    """The control points of both halves, of `last` + 1 numbers, into every step-th of `out`."""
+    """Write the control points of both halves, of `last` + 1 numbers, to every step-th of `out`."""
     out[first], out[first + 2 * last * step] = line[0], line[last]
     for level in range(1, last + 1):
         for i in range(last + 1 - level):
@@ -38,7 +38,7 @@ def _halve(line, last, out, first, step):
 
 @inlined
 def _in_u(nets, x, y, z, n, p, q, line, out):
-    """The products of n with a net's points, divided in u: rows of q + 1."""
+    """Write the products of n with a net's points, halved in u: rows of q + 1."""
     for j in range(q + 1):
         for i in range(p + 1):
             k = i * (q + 1) + j
@@ -63,7 +63,7 @@ def _least(nets, at, room, n, p, q):
 
 @inlined
 def _least_quotient(nets, at, room, n, p, q):
-    """The same of homogeneous coordinates: the products over their weights, all positive."""
+    """As `_least`, of homogeneous coordinates: the products over their weights, all positive."""
     line, ends, below = on_stack(16, 0.0), on_stack(31, 0.0), on_stack(31, 0.0)
     rows, weights = on_stack(_MOST, 0.0), on_stack(_MOST, 0.0)
     _in_u(nets, at, at + room, at + 2 * room, n, p, q, line, rows)
@@ -87,7 +87,7 @@ def _least_quotient(nets, at, room, n, p, q):
 def _halved_least(tree, cells, nets, index, n):
     cell = cells[index]
     piece = tree.pieces[cell.element]
-    if piece.edge != NONE:  # its net is no curve's
+    if piece.edge != NONE:  # the net of an edge is a box
         return least_of(tree, cells, nets, index, n)
     at, room = net_of(cells, nets, index), np.int64(piece.room)
     p, q = np.int64(piece.degree_u), np.int64(piece.degree_v)
@@ -101,7 +101,7 @@ def _halved_least(tree, cells, nets, index, n):
         least = _least(nets, at, room, n, 3, 3)
     else:
         least = _least(nets, at, room, n, p, q)
-    # A product errs by 3 u P, and each of the p + q midpoints by u P more; all that of w P, and
-    # the same of w, where it is rational: (4 + 2 (p + q)) u P, as all are means with positive
-    # shares.
+    # A product errs by 3 u P, and each of the p + q midpoints adds u P. If the cell is rational,
+    # that holds for w P, and likewise for w: (4 + 2 (p + q)) u P in all, because all are means with
+    # positive shares.
     return least - NET_SPLIT * (max(p, q) + 1.0) * tree.scale[2]

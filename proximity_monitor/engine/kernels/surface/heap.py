@@ -1,4 +1,4 @@
-"""Pairs of cells, the one with the least bound first: a binary heap."""
+"""A binary heap of pairs of cells: the pair with the least bound comes first."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from ..base.jit import inlined, kernel
 
 @kernel
 def add_pair(pairs, count, a, b, bound, normal):
-    """Add a pair; returns how many there are then."""
+    """Add a pair; return how many pairs the heap then has."""
     at = count
     while at > 0:
         parent = (at - 1) // 2
@@ -23,7 +23,7 @@ def add_pair(pairs, count, a, b, bound, normal):
 
 @kernel
 def drop_first(pairs, count):
-    """Take the first pair off; returns how many there are then."""
+    """Remove the first pair; return how many are left."""
     last = count - 1
     bound = pairs[last].bound
     at = 0
@@ -44,13 +44,13 @@ def drop_first(pairs, count):
 
 @inlined
 def drop(pairs, count, at):
-    """Take the first pair off, or the last; returns how many there are then."""
+    """Remove the first pair (`at` 0) or the last; return how many are left."""
     return drop_first(pairs, count) if at == 0 else count - 1
 
 
 @kernel
 def put_aside(pairs, aside, a, b, bound):
-    """Add a pair to those that are set aside; returns how many they are then."""
+    """Add a pair to those set aside, at the end of `pairs`; return how many are then set aside."""
     pair = pairs[len(pairs) - 1 - aside]
     pair.a, pair.b, pair.bound = a, b, bound
     return aside + 1
@@ -58,13 +58,13 @@ def put_aside(pairs, aside, a, b, bound):
 
 @inlined
 def place(pairs, count, k):
-    """Where the k-th pair stands of the `count` of the heap and those set aside after them."""
+    """Return the index of pair k: first the `count` pairs of the heap, then those set aside."""
     return k if k < count else len(pairs) - 1 - (k - count)
 
 
 @kernel
 def rebuilt(pairs, count, limit):
-    """Leave out the pairs whose bound is not below a limit; returns how many are left."""
+    """Drop the pairs whose bound is not below a limit; return how many are left."""
     kept = 0
     for k in range(count):
         pair = pairs[k]
@@ -76,7 +76,7 @@ def rebuilt(pairs, count, limit):
 
 @kernel
 def kept_aside(pairs, aside, limit):
-    """The same of those that are set aside."""
+    """As `rebuilt`, for the pairs set aside."""
     kept = 0
     for k in range(aside):
         if pairs[place(pairs, 0, k)].bound < limit:

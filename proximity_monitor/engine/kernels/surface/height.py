@@ -1,6 +1,6 @@
-"""How high an element of a surface reaches within a ball, over a plane or another surface.
+"""How high an element of a surface reaches within a ball, over a plane or a paraboloid.
 
-The query says over which: it is one of `ball_caps`, or of `ball_bowls`.
+The query says over which: its type is from `ball_caps` or from `ball_bowls`.
 """
 
 from __future__ import annotations
@@ -32,10 +32,10 @@ from .parts import (
 from .trim import CROSSING, INSIDE, OUTSIDE
 
 _DIVISIONS = 256
-"""Divisions of an element: what is open then counts with its control points."""
+"""Most divisions of an element; after that, open parts count by their control points."""
 
 _STEPS = 32
-"""Steps that looking into an element takes as long as, on average."""
+"""Looking into an element takes as long as this many steps, on average."""
 
 
 @implements(leaf_steps, SurfaceTree)
@@ -45,18 +45,18 @@ def _leaf_steps(tree):
 
 
 def highest(query, piece, parts, at, margin):
-    """A bound of the height of a part, found soon."""
+    """Return an upper bound of the height of a part, found fast: a stub."""
 
 
 def between(query, piece, parts, at, margin, high, crossing):
-    """Heights between which a part is: one that all its points have, and no more than `high`.
+    """Return two heights: one that all points of a part reach, and a bound, at most `high`: a stub.
 
-    Unless loops cross the part, the first does not matter.
+    The first matters only if loops cross the part.
     """
 
 
 def height_at(query, d):
-    """The height of a point d from the query's place."""
+    """Return the height of a point d from the query's place: a stub."""
 
 
 @implements(highest, Cap)
@@ -79,11 +79,11 @@ def _height_at(query, d):
 
 @shared
 def height_in(query, tree, t, answer):
-    """The height when an element has been looked into as well."""
+    """Return the height with an element looked into as well."""
     o, radius, top, fine = query.place, query.radius, query.top, query.fine
     piece = tree.pieces[t]
     if piece.edge != NONE:
-        return answer  # it lies on parts of its patch
+        return answer  # an edge lies on pieces of its patch
     parts, about = on_stack(NUMBERS, 0.0), table_on_stack(MOST, ABOUT, 0.0)
     take_whole(piece, tree.nets, o, parts)
     left = begin_parts(piece, parts, False, about)
@@ -114,7 +114,7 @@ def height_in(query, tree, t, answer):
             return np.inf
         crossing = side == CROSSING
         low, high = between(query, piece, parts, at, margin, high, crossing)
-        enough = max(seen, low) if crossing else seen  # all of it is so high, whatever is left
+        enough = max(seen, low) if crossing else seen  # the whole part is that high, loops or not
         if high <= enough + fine or count >= room or divisions >= _DIVISIONS:
             answer = max(answer, high)
             if answer > top:

@@ -1,4 +1,4 @@
-"""Surfaces in a search for a local minimum: derivatives, their own and of the squared distance."""
+"""Derivatives of surfaces, and of the squared distance of two, for the local search (newton.py)."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def get(jets, at):
 
 @kernel
 def fixed_jet(tree, element, u, v, jets):
-    """The point of a surface of a at u, v; its derivatives, their signs turned, into `jets`."""
+    """Return the point of a's surface at u, v; write its derivatives, negated, to `jets`."""
     point, du, dv, duu, duv, dvv = jet_on(tree, element, u, v)
     put(jets, 0, scaled(du, -1.0))
     put(jets, 3, scaled(dv, -1.0))
@@ -38,7 +38,7 @@ def fixed_jet(tree, element, u, v, jets):
 
 @kernel
 def moved_jet(tree, element, motion, u, v, jets):
-    """The point of a surface of b at u, v and its derivatives, all in a's frame."""
+    """Return the point of b's surface at u, v in a's frame; write its derivatives to `jets`."""
     point, du, dv, duu, duv, dvv = jet_on(tree, element, u, v)
     put(jets, _HALF, rotated(motion, du))
     put(jets, _HALF + 3, rotated(motion, dv))

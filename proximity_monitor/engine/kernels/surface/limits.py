@@ -1,18 +1,18 @@
-"""How long a part's derivatives are at most, and how they change, from its control points.
+"""Bounds of the lengths of a part's derivatives, and of their changes, from its control points.
 
-The derivatives of a Bezier surface are Bezier surfaces again, so each lies in the convex hull of
-its own control points, the differences of those of the surface. Parameters run from 0 to 1 over the
+The derivatives of a Bezier surface are Bezier surfaces too. Each lies in the convex hull of its own
+control points, which are differences of those of the surface. Parameters run from 0 to 1 over the
 part. Unlike those of ranges.py, these bounds belong to no direction: those of a whole piece are
-found out once, and serve all queries (see minimum.py).
+computed once, and serve all queries (see minimum.py).
 
-A rational one is seen from a point c in its middle. With the numerator N, the weight w, M = N - c w
-and the surface S, w (S - c) = M, so by differentiation
+A rational part is seen from a point c in its middle. With the numerator N, the weight w,
+M = N - c w and the surface S, w (S - c) = M. So by differentiation
 
     w S_u = M_u - (S - c) w_u
     w S_uv = M_uv - S_u w_v - S_v w_u - (S - c) w_uv
     w S_uuv = M_uuv - 2 S_uv w_u - S_uu w_v - 2 S_u w_uv - S_v w_uu - (S - c) w_uuv
 
-and the like. Where all weights are 1 that is the difference of control points itself.
+and so on. If all weights are 1, the right-hand side is just the difference of control points.
 """
 
 from __future__ import annotations
@@ -29,22 +29,22 @@ from .parts import EACH, NUMBERS, corner_of, margin_about, take_whole
 from .ranges import slope_error
 
 Limits = namedtuple("Limits", "u v uu uv vv uuu uuv uvv vvv of_uuu of_uuv of_uvv of_vvv")
-"""No less than the lengths of derivatives, metres; and than these products of them, square metres:
+"""Bounds of the lengths of derivatives, metres; and of these products of them, square metres:
 3 S_u S_uu, 2 S_u S_uv + S_uu S_v, 2 S_v S_uv + S_vv S_u and 3 S_v S_vv."""
 
 _Ball = namedtuple("_Ball", "middle length spread")
-"""Vectors: their middle, no less than its length, and no less than how far they are from it."""
+"""A ball of vectors: its middle, a bound of the middle's length, and a bound of its radius."""
 
 _MORE = 1.0 + 1e-9
-"""By what lengths are increased, for all that rounding does to sums."""
+"""Factor by which lengths are increased, to cover the rounding of sums."""
 
 _MOST_WEIGHTS = 4.0
-"""The ratio of a part's weights from which on nothing is known of it."""
+"""If the ratio of a part's weights is not below this, nothing is known of the part."""
 
 _RATIONAL = 512.0
-"""How many times what control points err by, times the degrees, a rational derivative may err by:
-derivatives are sums of up to seven products of others with weights, of two factors each; a ratio of
-weights counts once for each order."""
+"""A rational derivative may err by this many times the error of control points, times the degrees:
+derivatives are sums of up to seven products of others with weights, of two factors each. The ratio
+of the weights counts once for each order."""
 
 
 @kernel
@@ -64,11 +64,12 @@ def _difference(parts, k, step):
 
 @kernel
 def _differences(parts, at, c, count_i, count_j, in_u, in_v, one, other, third, factor):
-    """The box around a derivative of M, and the range of that of the weight.
+    """Return the box around a derivative of M, and the range of the same derivative of the weight.
 
-    Its control points are differences of points `one` numbers apart, or of such differences that
-    are `other`, and then `third` numbers apart, where these are not 0. Returns middle and half
-    diagonal, middle and half length, and the largest length of all.
+    The derivative's control points are differences of points `one` numbers apart. If `other` is not
+    0, they are differences of such differences `other` numbers apart, and likewise for `third`.
+    Returns middle and half diagonal, middle and half length, and the largest length of the
+    derivative.
     """
     x_low = y_low = z_low = w_low = np.inf
     x_high = y_high = z_high = w_high = -np.inf
@@ -101,7 +102,7 @@ def _differences(parts, at, c, count_i, count_j, in_u, in_v, one, other, third, 
 
 @inlined
 def _over(middle, spread, inverse, ratio, error):
-    """A ball divided by weights that differ by a share `ratio` from the inverse of `inverse`."""
+    """Divide a ball by weights that differ by at most a share `ratio` from 1 / `inverse`."""
     middle = scaled(middle, inverse)
     return _ball(middle, inverse * (1.0 + ratio) * spread + ratio * norm(middle) + error)
 
@@ -113,7 +114,7 @@ def _most(ball):
 
 @inlined
 def _product(one, other):
-    """The middle of the products of two balls' vectors, and how far they may be from it."""
+    """Return the middle of the products of two balls' vectors, and how far they may be from it."""
     return (
         dot(one.middle, other.middle),
         one.length * other.spread + one.spread * (other.length + other.spread),
@@ -122,7 +123,7 @@ def _product(one, other):
 
 @kernel
 def limits_of_part(piece, parts, at, margin):
-    """Of a part whose net is at `at`, and whose control points err by `margin`, metres."""
+    """Return the Limits of a part: net at `at`, error of control points `margin`, metres."""
     p, q = np.int64(piece.degree_u), np.int64(piece.degree_v)
     s, t = float(p), float(q)
     n, in_u, in_v = q + 1, EACH * (q + 1), EACH
@@ -205,14 +206,14 @@ def limits_of_part(piece, parts, at, margin):
 
 @kernel
 def limits_of(piece):
-    """Of a whole piece."""
+    """Return the Limits of a whole piece."""
     f = piece.limits
     return Limits(f[0], f[1], f[2], f[3], f[4], f[5], f[6], f[7], f[8], f[9], f[10], f[11], f[12])
 
 
 @kernel
 def limits_in(of, wide_u, wide_v):
-    """Those of a part by a piece's own parameters, where the part is so wide."""
+    """Convert the Limits of a part of width `wide_u`, `wide_v` to its piece's own parameters."""
     u, v = 1.0 / wide_u, (1.0 / wide_v if wide_v > 0.0 else 0.0)
     uu, uv, vv = u * u, u * v, v * v
     return Limits(
@@ -224,12 +225,12 @@ def limits_in(of, wide_u, wide_v):
 
 @entry
 def fit_limits(pieces, nets, scale):
-    """Write what is known of pieces (m,) for searches from points; of edges nothing.
+    """Write to pieces (m,) what searches from points need to know; edges are skipped.
 
     Args:
         pieces: (m,) PIECE; `centre`, `along_u`, `along_v`, `limits` and `slope` are written.
-        nets: their control nets.
-        scale: of their SurfaceTree.
+        nets: control nets of the pieces.
+        scale: scale of their SurfaceTree.
     """
     parts = on_stack(NUMBERS, 0.0)
     for i in range(len(pieces)):

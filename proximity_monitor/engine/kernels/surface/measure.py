@@ -1,4 +1,4 @@
-"""Upper bounds: the distance of points that two elements have near given ones."""
+"""Upper bounds: the distance between points of two elements, found near given points."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from .newton import nearest_near
 from .sides import is_left
 
 MINIMUM_STEPS = 40
-"""Steps of a search that a search for a local minimum takes as long as."""
+"""A search for a local minimum takes as long as this many steps."""
 
 _MEET = 0.0625
-"""Share of what a distance may err by below which it is not made any less: the models meet."""
+"""A distance below this share of its error is not reduced any further: the models meet."""
 
 
 @kernel
 def measure_near(tree_a, tree_b, state, element_a, from_a, element_b, from_b, most):
-    """Find the local minimum near given points of two elements; keep it where it is the nearest.
+    """Find the local minimum near given points of two elements; keep it if it is nearest so far.
 
-    In so many iterations at most; with none, it is about these points. Returns its distance,
-    metres; infinity where it has been cut off.
+    The search takes at most `most` iterations; with 0, it measures the given points. Returns the
+    distance, metres; infinity if a point has been cut off.
     """
     progress = state.progress[0]
     progress.primitive_tests += 1
@@ -34,7 +34,7 @@ def measure_near(tree_a, tree_b, state, element_a, from_a, element_b, from_b, mo
             break
         if most == 0:
             return np.inf
-        most = 0  # there may be something left where the search began
+        most = 0  # the points where the search began may be left
     if distance < progress.distance:
         keep(state, distance, element_a, element_b, at_a, at_b, way)
     return distance

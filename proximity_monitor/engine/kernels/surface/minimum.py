@@ -1,23 +1,23 @@
 """The nearest point of a part to a given one: Newton's method, and a proof that none is nearer.
 
-Let F = |S - p|² / 2 for a point p and the points S of a rectangle of a piece, g its gradient and H
-its Hessian at one of its points:
+Let F = |S - p|² / 2 for a point p and the points S of a rectangle of a piece. Let g be its gradient
+and H its Hessian at one of these points:
 
     F_u = (S - p) S_u,   F_uu = S_u² + (S - p) S_uu,   F_uv = S_u S_v + (S - p) S_uv,
     F_uuu = 3 S_u S_uu + (S - p) S_uuu,   F_uuv = 2 S_u S_uv + S_uu S_v + (S - p) S_uuv,
 
-and the like. Where no step from that point within the rectangle is longer than k in u and l in v,
+and so on. If no step from that point within the rectangle is longer than k in u and l in v,
 Taylor's formula says of steps (x, y)
 
     F >= F_0 + g_u x + g_v y + (a x² + b y²) / 2
     a = F_uu - |F_uv| t - (k max |F_uuu| / 3 + l max |F_uuv|),   b = F_vv - |F_uv| / t - ...
 
-for any t > 0, as 2 |x y| <= t x² + y² / t, and |x²y| <= l x². Each term has a least value in closed
-form. If a and b are positive, F is that at the minimum itself, but for e² / 2 a where g errs by e:
-so such a part needs no division, however near p is. Where another point is nearer than the part,
-any of its points often tells. And where F_u has one sign all over the rectangle, F is least where u
-ends, and only v is left: the same formula, without steps in u. Third derivatives are bounded by
-what is known of the piece: see limits.py.
+for any t > 0, because 2 |x y| <= t x² + y² / t, and |x²y| <= l x². Each term has a least value in
+closed form. If a and b are positive, the bound at the minimum itself is F, less e² / 2 a if g errs
+by e. So such a part needs no division, however near p is. If another point is nearer than the part,
+any point of the part is often enough to prove it. If F_u has one sign all over the rectangle, F is
+least at one end of u, and only v is left: the same formula, without steps in u. Third derivatives
+are bounded by the Limits of the piece: see limits.py.
 """
 
 from __future__ import annotations
@@ -31,25 +31,26 @@ from ..base.vectors import dot, norm, sub
 from .evaluate import jet_at
 
 Rectangle = namedtuple("Rectangle", "low_u high_u low_v high_v")
-"""Where a minimum is looked for, in a piece's parameters."""
+"""The range of a piece's parameters in which a minimum is looked for."""
 
 _NEWTON = 16
 _LEAST_STEP = 1e-15
-"""Iterations; and the share of the squared distance below which a step's gain is nothing."""
+"""Most iterations; and the share of the squared distance below which a step's gain is nothing."""
 
 _HOPELESS = 16.0
-"""A bound of the squared distance may be negative by so many times that, or a rectangle's size, for
-its halves to be worth a look: a division of both parameters makes that four to eight times less."""
+"""If a bound of the squared distance is more negative than this many times the squared distance
+plus the rectangle's squared size, its halves are not worth a look: a division of both parameters
+makes the deficit four to eight times less."""
 
 _NEARER = 0.25
-"""Share of what is tolerated that a point must be nearer by for a search from there on."""
+"""The search goes on from a point only if it is nearer by this share of the tolerance."""
 
 
 @inlined
 def least_rise(slope, error, bend, low, high):
-    """The least of slope d + bend d² / 2 for steps d from low to high, slope being right to error.
+    """Return the least of slope d + bend d² / 2 for steps d from low to high; slope errs by error.
 
-    low is not positive, high not negative; nor is the result positive.
+    low is not positive and high is not negative, so the result is not positive.
     """
     up, down, back = slope - error, -slope - error, -low
     d, e = high, back
@@ -60,10 +61,11 @@ def least_rise(slope, error, bend, low, high):
 
 @inlined
 def least_around(gu, slope_u, a, gv, slope_v, b, h, at, u, v):
-    """The least that F rises by in a rectangle from one of its points on; not positive.
+    """Return the least rise of F in a rectangle from one of its points u, v; not positive.
 
-    Namely of g_u x + g_v y + (a x² + b y²) / 2 - h |x y|, where g_u is right to `slope_u`, and g_v
-    to `slope_v`; t is chosen so that what is left of a and b does most good.
+    That is the least of g_u x + g_v y + (a x² + b y²) / 2 - h |x y|, where g_u errs by at most
+    `slope_u`, and g_v by at most `slope_v`. t is chosen so that what is left of a and b is most
+    useful.
     """
     k, m = max(u - at.low_u, at.high_u - u), max(v - at.low_v, at.high_v - v)
     if k > 0.0 and m > 0.0 and h > 0.0:
@@ -82,15 +84,16 @@ def least_around(gu, slope_u, a, gv, slope_v, b, h, at, u, v):
 
 @kernel
 def bound_at(piece, limits, jet, way, at, u, v, slack):
-    """A lower bound of the distance to a rectangle from the jet at one of its points u, v.
+    """Return a lower bound of the distance to a rectangle, from the jet at one of its points u, v.
 
-    Also how much of the rectangle may hold its nearest point, which the bound is of; and whether
-    the bound is as low as it is rather because of steps in u.
+    Also returns the part of the rectangle that may hold its nearest point, to which the bound
+    applies; and whether steps in u, rather than in v, make the bound so low.
 
-    `way` leads there, and points err by no more than the slack. First derivatives err by
-    `piece.slope` times their degree of that; second ones by twice the square of `slope`: control
-    points are differences of four, and the quotient rule takes two more products with ratios of
-    weights. Errors of first ones are doubled for what rounding does to sums of products here.
+    `way` leads from p to the point, and points err by at most the slack. First derivatives err by
+    the slack times `piece.slope` times their degree. Second derivatives err by the slack times
+    twice the square of `slope` times their degrees: their control points are differences of four,
+    and the quotient rule takes two more products with ratios of weights. Errors of first
+    derivatives are doubled, to cover the rounding of sums of products here.
     """
     _, du, dv, duu, duv, dvv = jet
     p, q = float(piece.degree_u), float(piece.degree_v)
@@ -98,7 +101,7 @@ def bound_at(piece, limits, jet, way, at, u, v, slack):
     k, m = max(u - at.low_u, at.high_u - u), max(v - at.low_v, at.high_v - v)
     distance = norm(way)
     far = distance + limits.u * k + limits.v * m + slack
-    # No less than F's third derivatives; its gradient and Hessian, and what these err by.
+    # Bounds of F's third derivatives; then its gradient and Hessian, and the errors of these.
     uuu, uuv = limits.of_uuu + far * limits.uuu, limits.of_uuv + far * limits.uuv
     uvv, vvv = limits.of_uvv + far * limits.uvv, limits.of_vvv + far * limits.vvv
     gu, gv = dot(way, du), dot(way, dv)
@@ -120,7 +123,7 @@ def bound_at(piece, limits, jet, way, at, u, v, slack):
     if low_u <= u <= high_u and low_v <= v <= high_v:
         at = left
         k, m = max(u - low_u, high_u - u), max(v - low_v, high_v - v)
-    # How much is lost by steps in u, and in v, that a half as long would gain back.
+    # What steps in u, and in v, cost the bound that steps half as long would gain back.
     lost_u = (uuu * k + 0.25 * uuv * m + max(-3.0 * a, 0.0)) * k * k
     lost_v = (vvv * m + 0.25 * uvv * k + max(-3.0 * b, 0.0)) * m * m
     a -= less_a + uuu * k * (1.0 / 3.0) + uuv * m
@@ -129,7 +132,7 @@ def bound_at(piece, limits, jet, way, at, u, v, slack):
     across_u, across_v = limits.u * k, limits.v * m
     if not less > -_HOPELESS * (distance * distance + across_u * across_u + across_v * across_v):
         return -np.inf, left, lost_u >= lost_v
-    # Before the root: what is left of the square may be far smaller than it.
+    # Subtract the slack before the root: what is left of the square may be far smaller than it.
     nearest = max(distance - slack, 0.0)
     bound = np.sqrt(max(nearest * nearest + 2.0 * less, 0.0))
     return bound, left, lost_u >= lost_v
@@ -137,19 +140,19 @@ def bound_at(piece, limits, jet, way, at, u, v, slack):
 
 @inlined
 def _within(at, u, v):
-    """The place in a rectangle that is nearest to u, v."""
+    """Return the place in a rectangle that is nearest to u, v."""
     return min(max(u, at.low_u), at.high_u), min(max(v, at.low_v), at.high_v)
 
 
 @kernel
 def minimum_in(piece, nets, limits, p, at, u, v, distance, share, spare, slack):
-    """The distance from p, metres, and the parameters, of a point nearest among those near by.
+    """Find a point nearest to p among those near by, in a rectangle of a piece, from u and v on.
 
-    It is looked for in a rectangle of a piece, from u and v on. Then comes a lower bound of the
-    distance to all of that, minus infinity where it is too poor to go on from; how much of it may
-    hold its nearest point, and whether that is better halved in u. The search ends where nothing in
-    it is nearer than `distance`, or than its result, by more than a share of that and what is
-    spared, metres.
+    Returns its distance, metres, and its u and v; a lower bound of the distance to the whole
+    rectangle, minus infinity if it is too poor to go on from; the part of the rectangle that may
+    hold its nearest point; and whether that part is better halved in u. The search ends if nothing
+    in the rectangle is nearer than `distance`, or than its own result, by more than the tolerance:
+    a share of that distance or `spare` metres, whichever is larger.
     """
     u, v = _within(at, u, v)
     squared, damping, bound = np.inf, 0.0, -np.inf
@@ -167,7 +170,7 @@ def minimum_in(piece, nets, limits, p, at, u, v, distance, share, spare, slack):
             found = np.sqrt(squared)
             least = min(distance, found)
             least -= max(share * least, spare)
-            done = bound >= least or found >= beyond  # else it is made better by one more step
+            done = bound >= least or found >= beyond  # else one more step improves it
             here, at, in_u = bound_at(piece, limits, jet, way, at, u, v, slack)
             bound = max(bound, here)
             if done and (bound >= least or turn > 0 or bound == -np.inf):
@@ -204,7 +207,7 @@ def minimum_in(piece, nets, limits, p, at, u, v, distance, share, spare, slack):
 
 @inlined
 def half_of(at, half, in_u):
-    """A half of a rectangle, 0 or 1."""
+    """Return half 0 or 1 of a rectangle, halved in u or in v."""
     if in_u:
         u = 0.5 * (at.low_u + at.high_u)
         low, high = (at.low_u, u) if half == 0 else (u, at.high_u)

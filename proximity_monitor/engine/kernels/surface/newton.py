@@ -1,13 +1,13 @@
 """The nearest points of two elements near given ones: Newton's method in their parameters.
 
-It makes upper bounds alone, so whatever it does is right. Parameters at the end of their range that
-the gradient presses outwards are held there (an active set), so edges and corners need no more
-than that; where the Hessian is not positive it is made so (Levenberg 1944, Marquardt 1963).
+It makes upper bounds only, so any result is right. If a parameter is at an end of its range and the
+gradient presses it outwards, it is held there (an active set), so edges and corners need nothing
+more. If the Hessian is not positive, it is made so (Levenberg 1944, Marquardt 1963).
 
-A step that leads farther away gets one more from where it led to before it is shortened (the
-watchdog technique of Chamberlain, Powell, Lemarechal and Pedersen 1982). Second derivatives change
-at once where a triangle's point comes to lie on an edge: there the step within the face leads
-across the edge, and only the next one knows of it. Shortened steps would zigzag along the edge.
+If a step leads farther away, one more step is tried from where it led, before the step is shortened
+(the watchdog technique of Chamberlain, Powell, Lemarechal and Pedersen 1982). Second derivatives
+jump where a triangle's point reaches an edge: there a step within the face leads across the edge,
+and only the next step takes the edge into account. Shortened steps would zigzag along the edge.
 """
 
 from __future__ import annotations
@@ -20,60 +20,61 @@ from ..base.trees import SurfaceTree
 from ..base.vectors import dot
 
 JETS = 56
-"""Numbers that an implementation may keep from `prepare` and `way_at` for `derivatives`."""
+"""Numbers that an implementation may store in `prepare` and `way_at`, for `derivatives`."""
 
 MOST = 48
-"""Iterations at the most: from a point within the valley that leads to a minimum it takes five."""
+"""Most iterations. From a point within the valley that leads to a minimum, five are enough."""
 
 _QUICK = 0.1
-"""Share of the squared distance that a step leaves where as many iterations again are worth it."""
+"""If a step leaves less than this share of the squared distance, iterations may go on, up to twice
+`most`."""
 
 _DONE = 1e-16
-"""Share of the squared distance below which a step's gain is nothing."""
+"""A step's gain below this share of the squared distance is nothing."""
 
 LEAST_DAMPED, POSITIVE = 1e-3, 1e-14
-"""Shares of the Hessian's largest diagonal element: what damping takes the others for at the least,
-and what is left of one at the least where it is positive."""
+"""Shares of the Hessian's largest diagonal element: what damping adds to the size of each element;
+and the least pivot that counts as positive."""
 
 _FIRST, _LESS, _MORE, _LEAST, _LARGEST = 1e-3, 0.1, 10.0, 1e-6, 1e12
-"""The damping where none was needed before; what a good step makes of it, and a bad one; below and
-above what there is none, and no use."""
+"""The first damping; its factor after a good step, and after a bad one; the damping below which it
+becomes 0, and that above which the search ends."""
 
 
 def way_at(tree_a, tree_b, element_a, element_b, motion, x, jets):
-    """The way from a's point at x[0], x[1] to that of b at x[2], x[3], in a's frame.
+    """Return the way from a's point at x[0], x[1] to b's point at x[2], x[3], in a's frame: a stub.
 
-    What `derivatives` needs besides is written to `jets`. An element without parameters, as a
-    triangle, has its own point nearest to the other's, and its part of x stays 0.
+    Writes to `jets` what else `derivatives` needs. An element without parameters, such as a
+    triangle, uses its point nearest to the other element's point, and its part of x stays 0.
     """
 
 
 def derivatives(tree_a, tree_b, way, jets, gradient, hessian):
-    """Write gradient and Hessian (the lower half) of half the squared distance by the four."""
+    """Write gradient and Hessian (lower half) of half the squared distance, by the four: a stub."""
 
 
 def weights_at(tree, x, first, jets):
-    """The weights of an element's point, from its part of x or what `way_at` kept."""
+    """Return the weights of an element's point, from its part of x or from `jets`: a stub."""
 
 
 def begin_at(tree, weights):
-    """An element's part of x, from weights."""
+    """Return an element's part of x, from weights: a stub."""
 
 
 def prepare(tree_a, tree_b, element_a, element_b, motion, jets):
-    """Write to `jets` what all calls of `way_at` for two elements have in common."""
+    """Write to `jets` what all calls of `way_at` for two elements have in common: a stub."""
 
 
 def solve(tree_a, tree_b, x, gradient, hessian, damping, factor, step):
-    """Newton's step over the parameters that are free; False where the Hessian is not positive.
+    """Write Newton's step over free parameters; False if the Hessian is not positive: a stub.
 
-    Those are held that stand at an end of their range, where the gradient presses them outwards.
+    A parameter is held if it is at an end of its range and the gradient presses it outwards.
     """
 
 
 @shared
 def nearest_near(tree_a, tree_b, element_a, element_b, from_a, from_b, motion, most, meet):
-    """Points of two elements that are nearest among those near by, beginning at given weights.
+    """Find points of two elements that are nearest among those near by, from given weights on.
 
     `most` is the most iterations; points that are no farther apart than `meet` are near enough.
 
@@ -121,7 +122,7 @@ def nearest_near(tree_a, tree_b, element_a, element_b, from_a, from_b, motion, m
                     trial[i] = min(max(trial[i] + step[i], 0.0), 1.0)
                 new_way = way_at(tree_a, tree_b, element_a, element_b, motion, trial, jets)
                 new_squared = dot(new_way, new_way)
-            if not new_squared < squared:  # back, to what `derivatives` needs
+            if not new_squared < squared:  # go back, to restore what `derivatives` needs
                 way_at(tree_a, tree_b, element_a, element_b, motion, x, jets)
                 fresh = True
         quick = new_squared < _QUICK * squared
@@ -140,14 +141,14 @@ def nearest_near(tree_a, tree_b, element_a, element_b, from_a, from_b, motion, m
 
 @inlined
 def is_held(x, gradient, i):
-    """Whether a parameter stands at an end of its range, and the gradient presses it outwards."""
+    """Tell whether a parameter is at an end of its range, and the gradient presses it outwards."""
     return (x[i] <= 0.0 and gradient[i] >= 0.0) or (x[i] >= 1.0 and gradient[i] <= 0.0)
 
 
 @implements(solve, SurfaceTree, SurfaceTree)
 @kernel
 def _solve(tree_a, tree_b, x, gradient, hessian, damping, factor, step):
-    """By Cholesky's factors. One that is held has a row and a column of the unit matrix."""
+    """Solve by Cholesky factors. A held parameter has a row and a column of the unit matrix."""
     scale = 0.0
     for i in range(4):
         step[i] = 0.0 if is_held(x, gradient, i) else 1.0

@@ -1,4 +1,4 @@
-"""What is known of one part as seen from the origin: how far it is, and whether its edges count."""
+"""Tests of one part as seen from the origin: how far it is, and whether only its edges count."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from .parts import EACH, LOW_U, LOW_V, corner_of, least_along, lines_of
 
 @kernel
 def away_from(piece, parts, at, margin):
-    """A lower bound of how far a part is from the origin, and where on it about it is nearest.
+    """Return a lower bound of a part's distance from the origin, and about where it is nearest.
 
-    That is told by places from -1 to 1 along the half axes of the parallelogram that stands for it.
+    The place is from -1 to 1 along the half axes of the parallelogram that stands for the part.
     """
     p, q = corner_of(piece, parts, at, 0), corner_of(piece, parts, at, 1)
     r, s = corner_of(piece, parts, at, 2), corner_of(piece, parts, at, 3)
@@ -26,7 +26,7 @@ def away_from(piece, parts, at, margin):
     size = norm(way)
     bound = 0.0
     for attempt in range(2):
-        if attempt == 1:  # as where it is beside the part: then its normal may do better
+        if attempt == 1:  # if the origin is beside the part, the normal may do better
             way = cross(e, f)
             if dot(way, centre) < 0.0:
                 way = scaled(way, -1.0)
@@ -41,10 +41,10 @@ def away_from(piece, parts, at, margin):
 
 @kernel
 def leads_to_edges(piece, parts, at, row, margin):
-    """Whether every point of a part can be moved on its piece so that it comes nearer.
+    """Tell whether every point of a part can move on its piece so that it comes nearer.
 
-    Then no inner point of what loops leave of it is the nearest (see falling.py). About the part's
-    centre c, w r' = N' - w' (r - c) with N = w (P - c), as there.
+    If so, no inner point of what loops leave of the part is the nearest (see falling.py). As there,
+    w r' = N' - w' (r - c) about the part's centre c, with N = w (P - c).
     """
     centre = (0.0, 0.0, 0.0)
     for i in range(4):

@@ -1,11 +1,11 @@
-"""Parts of one element while it is looked at from a single point: a stack of control nets.
+"""Parts of one element, as seen from a single point: a stack of control nets.
 
-A part is named by where its net begins in `parts`: x w, y w, z w and w of each control point, one
-point after the other. The origin is the point that looks. As all weights w are positive, a plane
-through the origin has a control point on the same side as its homogeneous coordinates; so nothing
-is divided where signs alone matter.
+The index in `parts` where its net begins names a part. A net is x w, y w, z w and w of each control
+point, one point after the other. The origin is the point that looks. All weights w are positive, so
+a control point and its homogeneous coordinates are on the same side of a plane through the origin.
+So if only signs matter, nothing is divided by w.
 
-What is known of a part beside its net is a row of `about`.
+A row of `about` holds what else is known of a part.
 """
 
 from __future__ import annotations
@@ -19,38 +19,38 @@ from ..base.vectors import sub
 from .trim import CROSSING, classify_rectangle
 
 EACH = 4
-"""Numbers of a control point."""
+"""Numbers per control point."""
 
 NUMBERS = 1 << 15
-"""Room for nets: 64 parts of degrees up to 10 and 10, 32 of 15 and 15."""
+"""Room for nets: 64 parts of degrees up to 10 and 10, or 32 of 15 and 15."""
 
 MOST = 64
-"""Parts at the most. Each division adds one, so a part is of 2^-32 of an element's parameters."""
+"""Most parts. Each division adds one, so a part is down to 2^-32 of its element in u and in v."""
 
 EXTENT_U, EXTENT_V, SPLITS, SIDE, LOW_U, HIGH_U, LOW_V, HIGH_V, ABOUT = range(9)
-"""A row of `about`: how much the part extends (see `extents_of`); divisions that made it; what
-trimming loops leave of it, or of a larger part, INSIDE, OUTSIDE or CROSSING; and where it lies on
-its element, 0 to 1. The last is the length of a row."""
+"""A row of `about`: how much the part extends (see `extents_of`); the number of divisions that made
+it; what trimming loops leave of it, or of a larger part that holds it: INSIDE, OUTSIDE or CROSSING;
+and where it lies on its element, 0 to 1. The last is the length of a row."""
 
 _FLATTER = 1e-3
-"""Share of its length below which an element's bends do not tell how it is to be divided."""
+"""If an element bends by less than this share of its length, its length tells how to divide it."""
 
 
 @inlined
 def room_of(piece):
-    """The parts that there is room for."""
+    """Return how many parts there is room for."""
     return min(MOST, NUMBERS // (EACH * np.int64(piece.points)))
 
 
 @inlined
 def place_of(piece, k):
-    """Where the net of part k begins."""
+    """Return the index where the net of part k begins."""
     return k * EACH * np.int64(piece.points)
 
 
 @kernel
 def take_whole(piece, nets, origin, parts):
-    """Make the whole element part 0."""
+    """Write the whole element as part 0, relative to `origin`."""
     room, at = np.int64(piece.room), piece.net
     for k in range(np.int64(piece.points)):
         w = nets[at + 3 * room + k]
@@ -62,10 +62,11 @@ def take_whole(piece, nets, origin, parts):
 
 @kernel
 def margin_of(tree, piece, origin, splits):
-    """What rounding may do to a part's control points, and had done to the element's, metres.
+    """Return the error of a part's control points, metres: from rounding, here and in the element.
 
-    Moving the origin by o errs by 2 u (P + |o|) for each coordinate, P being the largest norm of a
-    control point, and a product with a unit vector by 3 u of its terms: 8 NET_SPLIT is more.
+    Moving the origin by o errs by 2 u (P + |o|) in each coordinate, P being the largest norm of a
+    control point. A product with a unit vector errs by 3 u of its terms. 8 NET_SPLIT is more than
+    both.
     """
     size = tree.scale[2] + abs(origin[0]) + abs(origin[1]) + abs(origin[2])
     return margin_about(tree.scale, piece, size, splits)
@@ -73,16 +74,16 @@ def margin_of(tree, piece, origin, splits):
 
 @inlined
 def margin_about(scale, piece, size, splits):
-    """The same, from a tree's scale and the sum of all sizes, metres."""
+    """As `margin_of`, from a tree's scale and the sum of all sizes, metres."""
     degree = max(piece.degree_u, piece.degree_v)
     return NET_SPLIT * (degree * splits + 8) * size + scale[CONVERSION]
 
 
 @inlined
 def lines_of(piece, in_u):
-    """The lines of control points along a parameter: their number, both strides, and their points.
+    """Return the lines of control points along a parameter: how many, two strides, points per line.
 
-    The strides, in numbers, are those from line to line, and from point to point.
+    The strides, in numbers, are from line to line, and from point to point.
     """
     p, n = np.int64(piece.degree_u), np.int64(piece.degree_v) + 1
     return (n, EACH, EACH * n, p + 1) if in_u else (p + 1, EACH * n, EACH, n)
@@ -109,25 +110,26 @@ def divide(piece, parts, at, high, in_u):
 
 @inlined
 def _point(parts, k):
-    """A control point, projected."""
+    """Return a control point, projected."""
     inverse = 1.0 / parts[k + 3]
     return (parts[k] * inverse, parts[k + 1] * inverse, parts[k + 2] * inverse)
 
 
 @inlined
 def corner_of(piece, parts, at, i):
-    """The corner 0 to 3 of a part: u is low in the first two, v in the first and third."""
+    """Return corner i, 0 to 3, of a part: u is low in 0 and 1, v is low in 0 and 2."""
     n, p = np.int64(piece.degree_v) + 1, np.int64(piece.degree_u)
     return _point(parts, at + EACH * ((p * n if i >= 2 else 0) + (n - 1 if i % 2 == 1 else 0)))
 
 
 @kernel
 def extents_of(piece, parts, at, by_length):
-    """How much a part extends along u and along v, and the share that a division leaves.
+    """Return how much a part extends along u and along v, and the share that a division leaves.
 
-    A part is divided where it extends more. What counts is how much it bends, of which a quarter is
-    left; or how long it is, where that is asked for, or it bends little. Both are those of
-    projected points: homogeneous ones change with their weights, however near a pole they are.
+    A part is divided where it extends more. Its extent is how much it bends, of which a division
+    leaves a quarter. If `by_length`, or if the part bends little, the extent is its length. Both
+    are measured with projected points, because homogeneous ones change with their weights, however
+    near a pole.
     """
     u = v = long_u = long_v = 0.0
     for parameter in range(2):
@@ -149,13 +151,13 @@ def extents_of(piece, parts, at, by_length):
         u, long_u = 0.125 * count * count * bend, length
     if by_length or max(u, v) < _FLATTER * max(long_u, long_v):
         return long_u, long_v, 0.5
-    # Where it is straight its length must go down as well, or its parts never become small.
+    # If the part is straight in a direction, its length must shrink too, or parts never get small.
     return max(u, _FLATTER * long_u), max(v, _FLATTER * long_v), 0.25
 
 
 @kernel
 def least_along(piece, parts, at, n):
-    """The least product of a vector with a control point: no point of the part has a smaller."""
+    """Return the least product of a vector with a control point: no point of the part has less."""
     least, points = np.inf, np.int64(piece.points)
     for i in range(points):
         k = at + EACH * i
@@ -166,7 +168,7 @@ def least_along(piece, parts, at, n):
 
 @kernel
 def begin_parts(piece, parts, by_length, about):
-    """Write what is known of part 0, which is the whole; returns what `halve` has to know."""
+    """Write the row of part 0, the whole element; return `left` for `halve`."""
     about[0, EXTENT_U], about[0, EXTENT_V], left = extents_of(piece, parts, 0, by_length)
     about[0, SPLITS], about[0, SIDE] = 0.0, float(piece.side)
     about[0, LOW_U] = about[0, LOW_V] = 0.0
@@ -176,7 +178,7 @@ def begin_parts(piece, parts, by_length, about):
 
 @kernel
 def halve(piece, parts, about, left, k, top):
-    """Divide part k where it extends more: it becomes the low half, part `top` the high one."""
+    """Divide part k where it extends more: k becomes the low half, part `top` the high half."""
     in_u = about[k, EXTENT_U] >= about[k, EXTENT_V]
     divide(piece, parts, place_of(piece, k), place_of(piece, top), in_u)
     about[k, EXTENT_U if in_u else EXTENT_V] *= left
@@ -190,7 +192,7 @@ def halve(piece, parts, about, left, k, top):
 
 @kernel
 def side_of_part(tree, piece, about, k):
-    """What trimming loops leave of part k."""
+    """Return what trimming loops leave of part k: INSIDE, OUTSIDE or CROSSING."""
     if about[k, SIDE] == CROSSING and about[k, SPLITS] > 0.0:
         wide_u, wide_v = piece.high[0] - piece.low[0], piece.high[1] - piece.low[1]
         about[k, SIDE] = classify_rectangle(

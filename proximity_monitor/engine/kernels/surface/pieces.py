@@ -1,4 +1,4 @@
-"""Pieces of patches and curves for the search for a deepest point: cells, which are divided."""
+"""Pieces of patches and curves in the search for a deepest point: cells, which can be divided."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from .sides import is_left
 from .trim import OUTSIDE
 
 Parts = namedtuple("Parts", "cells nets roots")
-"""The cells of a search, as those of `Dividing` are (see base/state.py)."""
+"""The cells of a search, laid out as those of `Dividing` (see base/state.py)."""
 
 _LAYOUT = {"cells": (CELL, 0), "nets": (np.float64, 0), "roots": (np.int32, 0)}
 _PARTS = constant(Addressed(Parts, _LAYOUT))
 
 _DIVIDED = 4
-"""Parts of a cell, at the most."""
+"""Most parts of a cell that is divided once."""
 
 
 @implements(pieces.memory_of, SurfaceTree)
@@ -39,13 +39,13 @@ def _memory(surface, memory):
 @implements(pieces.forget, SurfaceTree)
 @kernel
 def _forget(surface, parts, at):
-    at.parts = 0  # and with that their roots: see `root_cell`
+    at.parts = 0  # this drops their roots too: see `root_cell`
 
 
 @implements(pieces.has_room, SurfaceTree)
 @inlined
 def _has_room(surface, parts, at):
-    # A node's leaves are pushed one by one, each of one element.
+    # The leaves of a node are pushed one by one, each of one element.
     return at.parts + _DIVIDED <= len(parts.cells)
 
 
@@ -147,7 +147,7 @@ def _spot_at(surface, element, best):
 
 @kernel
 def parameters_of(tree, element, weights):
-    """What `Feature.parameters` says of an element's u and v, 0 to 1."""
+    """Convert an element's u and v, 0 to 1, to what `Feature.parameters` reports."""
     element, u, v = place_on(tree, element, weights[0], weights[1])
     piece = tree.pieces[element]
     u = piece.low[0] + u * (piece.high[0] - piece.low[0])

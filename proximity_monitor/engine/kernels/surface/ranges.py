@@ -1,8 +1,8 @@
 """Ranges of a cell's derivatives, from the differences of its control points.
 
-The derivatives of a Bezier surface are Bezier surfaces again, so each lies in the convex hull of
-its own control points. Parameters run from 0 to 1 over the cell. Of a rational one these are the
-derivatives of numerator and weight, from which those of the quotient follow.
+The derivatives of a Bezier surface are Bezier surfaces too, so each lies in the convex hull of its
+own control points. Parameters run from 0 to 1 over the cell. For a rational cell, these are the
+derivatives of numerator and weight, and those of the quotient follow from them.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ Ranges = namedtuple(
     "Ranges", "across_u spread_u middle_u half_u across_v spread_v middle_v half_v"
     " middle_uu half_uu middle_uv half_uv middle_vv half_vv"
 )  # fmt: skip
-"""Of each derivative, metres: middle and half length of the range of its product with a direction
-d. Of the first derivatives also what they are across d, x - d (d x): a vector that these are near,
-and they differ from it by `spread` at the most.
+"""For each derivative, metres: middle and half length of the range of its product with a direction
+d. For the first derivatives also `across`, a vector near their parts across d, x - d (d x), which
+differ from it by at most `spread`.
 """
 
 
 @kernel
 def _first(nets, at, room, p, n, step_i, step_j, factor, d):
-    """Across d, the middle of the box around derivatives by a parameter, and half its diagonal.
+    """Return middle and half diagonal of the box around derivatives by a parameter, across d.
 
-    Also middle and half length of the range of their products with d.
+    Also returns middle and half length of the range of their products with d.
     """
     x_low = y_low = z_low = low = np.inf
     x_high = y_high = z_high = high = -np.inf
@@ -59,7 +59,7 @@ def _first(nets, at, room, p, n, step_i, step_j, factor, d):
 
 @kernel
 def _second(nets, at, room, p, n, step, other, count_i, count_j, factor, d):
-    """Middle and half length of the range of d times a second derivative.
+    """Return middle and half length of the range of d times a second derivative.
 
     The differences are of the points k, k + step, k + other and k + step + other.
     """
@@ -79,20 +79,20 @@ def _second(nets, at, room, p, n, step, other, count_i, count_j, factor, d):
 
 
 _RATIONAL = 32.0
-"""How many times a rational cell's derivatives may err by what others do: see `_quotients`."""
+"""A rational cell's derivatives may err by this many times as much as others: see `_quotients`."""
 
 _MOST_WEIGHTS = 2.0
-"""The ratio of a cell's weights from which on its ranges are left infinite."""
+"""If the ratio of a cell's weights is not below this, its ranges are infinite."""
 
 _NET, _NUMERATOR = 256, 768
-"""Control points, of degree 15 in both directions, and their coordinates."""
+"""Most control points, of degree 15 in both directions; and the number of their coordinates."""
 
 
 @shared
 def ranges_of(piece, nets, at, d, centre):
-    """The ranges of a cell of a piece whose net is at `at`; d is a direction in its frame.
+    """Return the Ranges of a cell of a piece, with its net at `at`; d is a direction in its frame.
 
-    `centre` is a point near the cell. What rounding did to the control points is left out.
+    `centre` is a point near the cell. The rounding errors of the control points are not included.
     """
     p, q = np.int64(piece.degree_u), np.int64(piece.degree_v)
     if piece.rational:
@@ -102,24 +102,24 @@ def ranges_of(piece, nets, at, d, centre):
 
 @kernel
 def errors_of(piece, margin):
-    """What first and second derivatives may err by where control points err by `margin`, metres.
+    """Return the errors of first and second derivatives if control points err by `margin`, metres.
 
-    Times the degree, or the product of both degrees.
+    Multiply the first by the degree, the second by the product of both degrees.
     """
     share = _RATIONAL if piece.rational else 1.0
-    # Differences of two control points, or of four. As much again for the rounding of these, of
-    # their products with a direction and of what is across it: 16 u P and 24 u P are more, and
-    # NET_SPLIT makes a margin of 4 u P at least.
+    # Differences of two control points, or of four, err by 2 or 4 margins. The rounding of these,
+    # of their products with a direction and of their parts across it is below 16 u P or 24 u P,
+    # that is 4 or 6 margins: NET_SPLIT makes a margin at least 4 u P.
     return 6.0 * share * margin, 10.0 * share * margin
 
 
 @kernel
 def slope_error(piece, nets):
-    """How many times what points err by a derivative at one may err by, for each degree.
+    """Return by how many times the error of points a derivative at one may err, for each degree.
 
-    The derivative's control points are differences of two. That of a rational piece is
-    (N_u - w_u S) / w, so the largest weight counts by the least one: twice for N_u, and for w_u by
-    what its product with S, and then S itself, err by.
+    The derivative's control points are differences of two. The derivative of a rational piece is
+    (N_u - w_u S) / w, so the ratio of the largest weight to the least counts: twice for N_u, twice
+    for the error of w_u in its product with S, and twice for that of S.
     """
     if not piece.rational:
         return 2.0
@@ -132,7 +132,7 @@ def slope_error(piece, nets):
 
 @kernel
 def _of_net(nets, at, room, p, q, d):
-    """The ranges of a net of so many degrees."""
+    """Return the Ranges of a net of degrees p and q."""
     n = q + 1
     none = (0.0, 0.0, 0.0)
     across_u, spread_u, middle_u, half_u = _first(nets, at, room, p, n, 1, 0, float(p), d)
@@ -150,21 +150,21 @@ def _of_net(nets, at, room, p, q, d):
 
 @kernel
 def _quotients(piece, nets, at, d, c):
-    """The ranges of a rational cell, by the quotient rule.
+    """Return the Ranges of a rational cell, by the quotient rule.
 
-    With the numerator N, the weight w and M = N - c w, and S the surface, S - c = M / w and
+    With the numerator N, the weight w, M = N - c w and the surface S, S - c = M / w and
 
         S_u = (M_u - (S - c) w_u) / w
         S_uv = (M_uv - S_u w_v - S_v w_u - (S - c) w_uv) / w
 
-    The middles are those of M_u and of M_uv - S_u w_v - S_v w_u over a mean weight. What is left
-    out of them is as much smaller as the cell, for so are S - c and the derivatives of w. All this
-    holds as well of products with d, and of the parts across d, which are no longer.
+    The middles are those of M_u and of M_uv - S_u w_v - S_v w_u over a mean weight. The terms left
+    out shrink with the cell, because S - c and the derivatives of w do. All this holds for products
+    with d too, and for the parts across d, which are no longer.
 
-    Rounding: if the projected points err by e, a coordinate of N or c w errs by no more than e
-    times the largest weight, and w by e / P of that, for points of length P. The products and the
-    quotient repeat that: S_u errs by 2 p e 4 W, and S_uv by 4 p q e 9 W, where W, the largest
-    weight's ratio to the mean one and what the others add to it, is below 3.
+    Rounding: if the projected points err by e, a coordinate of N or c w errs by at most e times the
+    largest weight, and w by e / P times it, for points of length P. The products and the quotient
+    repeat that: S_u errs by 2 p e 4 W, and S_uv by 4 p q e 9 W, where W, the ratio of the largest
+    weight to the mean one plus what the others add to it, is below 3.
     """
     p, q, room = np.int64(piece.degree_u), np.int64(piece.degree_v), np.int64(piece.room)
     n = q + 1
@@ -224,10 +224,10 @@ def _quotients(piece, nets, at, d, c):
 
 @kernel
 def _over(middle, spread, more, inverse, error):
-    """A derivative of the quotient: what it may differ by from the numerator's over a mean weight.
+    """Return a derivative of the quotient: its middle, and how far the derivative may be from it.
 
-    `more` bounds the term with the weight's derivative; weights differ by a share `error` from the
-    mean, the inverse of `inverse`.
+    The middle is the numerator's, over a mean weight. `more` bounds the term with the weight's
+    derivative. Weights differ by at most a share `error` from the mean, which is 1 / `inverse`.
     """
     u = scaled(middle, inverse)
     return u, inverse * (1.0 + error) * (spread + more) + error * norm(u)
@@ -235,7 +235,7 @@ def _over(middle, spread, more, inverse, error):
 
 @kernel
 def _weight(weights, p, n, step, other, count_i, count_j, second, factor):
-    """Middle and half length of the range of a derivative of the weight."""
+    """Return middle and half length of the range of a derivative of the weight."""
     low, high = np.inf, -np.inf
     for i in range(count_i):
         for j in range(count_j):

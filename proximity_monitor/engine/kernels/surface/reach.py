@@ -1,16 +1,16 @@
 """How far a surface reaches along a direction, from a point that may be where it reaches farthest.
 
-Volumes dismiss what reaches less far. With that point p and the direction n, n . (S - p) of a piece
-is the quotient of a Bezier function N, whose coefficients are n . (P_i - p) w_i, and of its weight.
-Where all coefficients are negative, so is N. Else, from a point of the piece on that about reaches
-farthest, N grows by no more than
+Bounding volumes dismiss whatever reaches less far. For that point p and the direction n,
+n . (S - p) of a piece is the quotient of a Bezier function N and the weight. The coefficients of N
+are n . (P_i - p) w_i. If all are negative, so is N. Otherwise, from a point of the piece that
+reaches about farthest, N grows by no more than
 
     N_u x + N_v y - (a x² + b y²) / 2 + h |x y|
 
-for steps x and y, where the coefficients of its second derivatives tell a, b and h: no -N_uu is
-below a, no -N_vv below b, and no |N_uv| above h. Where p is a maximum of the whole surface, as the
-nearest point of a model beyond its convex hull is, the answer is right to rounding. Where a piece
-reaches farther, the search ends.
+for steps x and y. The coefficients of its second derivatives give a, b and h: no -N_uu is below a,
+no -N_vv below b, and no |N_uv| above h. If p is a maximum of the whole surface, such as the nearest
+point to a model beyond its convex hull, the answer is right to rounding. If a piece reaches
+farther, the search ends.
 """
 
 from __future__ import annotations
@@ -34,19 +34,19 @@ from .facing import closest_in, vector
 from .minimum import Rectangle, least_around
 
 Farther = namedtuple("Farther", "place slack normal element u v most")
-"""The query; `place` is the element's point at u and v. The answer is how far nothing reaches
-beyond it along the normal, but negative; metres. Below minus `most` it ends."""
+"""The query; `place` is the element's point at u and v. The answer, metres, is minus a bound of how
+far the surface reaches beyond `place` along the normal. Below minus `most`, the search ends."""
 
 _ROUNDING, _EACH = 32.0 * DOUBLE_EPS, 16.0 * DOUBLE_EPS
-"""What a product of a unit vector with a point errs by, as a share of the largest norm of a point;
-and what each degree of a Bezier function of such adds. With P that norm and weights below 1, a
-coefficient errs by 12 u P and is below 2 P, a step of de Casteljau's method adds 3 u of that."""
+"""Error of the product of a unit vector with a point, as a share of the largest norm P of a point;
+and what each degree of a Bezier function of such products adds. With weights below 1, a coefficient
+errs by 12 u P and is below 2 P, and a step of de Casteljau's method adds 3 u of that."""
 
 _STEPS = 3
-"""Steps of Newton's method towards the point of a piece that reaches farthest."""
+"""Newton steps towards the point of a piece that reaches farthest."""
 
 _NUMBERS, _ROW = 256, 16
-"""Room for the coefficients of a piece, and for a row of them."""
+"""Room for the coefficients of a piece, and for one row of them."""
 
 
 @implements(visit.lane_gaps, Farther)
@@ -70,7 +70,7 @@ def _limit(query, answer):
 @kernel
 def _meet(query, tree, t, answer):
     piece = tree.pieces[t]
-    if piece.edge != NONE:  # it lies on a part of its patch
+    if piece.edge != NONE:  # an edge lies on a piece of its patch
         return answer
     moves, u, v = t != query.element, query.u, query.v
     if moves:
@@ -82,9 +82,9 @@ def _meet(query, tree, t, answer):
 
 @kernel
 def _beyond(tree, piece, p, n, u, v, moves):
-    """How far a piece reaches beyond p along n, at the most, but for what its points err by.
+    """Bound how far a piece reaches beyond p along n, except for the error of its points.
 
-    At u, v it reaches about farthest; or near there, where that MOVES.
+    It reaches about farthest at u, v; or near there, if it MOVES to look for the place.
     """
     nets, size = tree.nets, tree.scale[2]
     c, least, most, base, room = on_stack(_NUMBERS, 0.0), np.inf, -np.inf, piece.net, piece.room
@@ -100,7 +100,7 @@ def _beyond(tree, piece, p, n, u, v, moves):
 
 @kernel
 def _largest(piece, c, u, v, moves, size):
-    """The largest value of a Bezier function N of a piece's degrees, or more; see above.
+    """Return the largest value of a Bezier function N of a piece's degrees, or more; see above.
 
     Second differences err by four times as much as coefficients. `size` is the largest norm.
     """
@@ -146,7 +146,7 @@ def _step(t, slope, bend):
 
 @kernel
 def _jet(c, d, e, u, v):
-    """A Bezier function of degrees d and e at u, v: its value and both first derivatives."""
+    """Return value and both first derivatives of a Bezier function of degrees d and e at u, v."""
     rows, slopes, line = on_stack(_ROW, 0.0), on_stack(_ROW, 0.0), on_stack(_ROW, 0.0)
     for i in range(d + 1):
         for j in range(e + 1):
@@ -163,7 +163,7 @@ def _jet(c, d, e, u, v):
 
 @kernel
 def _along(line, degree, t):
-    """De Casteljau's method in place: the value is left in line[0]; returns the derivative."""
+    """Run de Casteljau's method in place: leave the value in line[0], return the derivative."""
     slope, s = 0.0, 1.0 - t
     for level in range(degree, 0, -1):
         if level == 1:
@@ -175,10 +175,10 @@ def _along(line, degree, t):
 
 @shared
 def reach_along(tree, n, element, u, v, most):
-    """How far a surface reaches along a vector no longer than a unit, in its frame; metres.
+    """Return how far a surface reaches along a vector no longer than a unit, in its frame; metres.
 
-    An upper bound of the products of its points with n. Infinity where some piece may reach more
-    than `most` farther than a given point of an element does.
+    That is an upper bound of the products of its points with n. Returns infinity if some piece may
+    reach more than `most` farther than the given point of an element.
     """
     place = point_on(tree, element, u, v)
     stack, bounds = on_stack(ROOM, np.int32(0)), on_stack(ROOM, 0.0)
@@ -194,9 +194,9 @@ def reach_along(tree, n, element, u, v, most):
 
 @kernel
 def support_of(tree, element, u, v, n):
-    """An upper bound of the products of n with the points of an element; u, v is one of these.
+    """Bound from above the products of n with the points of an element; u, v is one of them.
 
-    Infinity of an edge.
+    Returns infinity for an edge.
     """
     piece, place = tree.pieces[element], point_on(tree, element, u, v)
     if piece.edge != NONE:

@@ -15,7 +15,7 @@ _ROWS = 4
 """Coordinates of a control point."""
 
 _WIDER = 1e-12
-"""Share of the model's size by which boxes are widened, for all that rounding does to them."""
+"""Boxes are widened by this share of the model's size, to cover rounding."""
 
 
 @entry
@@ -26,10 +26,10 @@ def describe_parts(model, elements, low, high, rectangles, points, boxes):
         model: the table of a SurfaceTree.
         elements: (k,) int32, in tree order.
         low: (k, 2) where each part begins in the element's own u and v, 0 to 1.
-        high: (k, 2) where it ends.
+        high: (k, 2) where each part ends.
         rectangles: (k, 4) written: low u, low v, high u, high v in its patch's own parameters.
-        points: (k, 3) written: one of its points, metres; NaN where that may have been cut off.
-        boxes: (k, 6) written: the least x, y, z and the largest of a box that holds it, metres.
+        points: (k, 3) written: one of its points, metres; NaN if that may have been cut off.
+        boxes: (k, 6) written: least x, y, z, then largest, of a box that holds the part, metres.
     """
     tree, _ = tree_at(SurfaceTree, model)
     net = on_stack(1024, 0.0)  # of degree 15 in u and v
@@ -61,7 +61,7 @@ def describe_parts(model, elements, low, high, rectangles, points, boxes):
 
 @kernel
 def _write_box(tree, piece, low, high, net, box):
-    """Write the box of the control points of a piece's part."""
+    """Write the box of the control points of a part of a piece."""
     p, n = np.int64(piece.degree_u), np.int64(piece.degree_v) + 1
     room = np.int64(piece.room)
     for k in range(_ROWS * room):
@@ -82,7 +82,7 @@ def _write_box(tree, piece, low, high, net, box):
 
 @kernel
 def _restrict(net, at, step, degree, low, high):
-    """Keep of a Bezier polynomial what lies between two parameters: de Casteljau, twice."""
+    """Cut a Bezier polynomial to what lies between two parameters: de Casteljau, twice."""
     if high < 1.0:
         for level in range(1, degree + 1):
             for i in range(degree, level - 1, -1):
@@ -98,15 +98,15 @@ def _restrict(net, at, step, degree, low, high):
 
 @entry
 def join_boxes(boxes_a, boxes_b, order, axis, groups):
-    """Number k pairs of boxes (k, 6) so that those have one number which touch on both sides.
+    """Number k pairs of boxes (k, 6): pairs that touch on both sides get the same number.
 
-    Pairs that are joined by others have one number, too: the least place of all of them.
+    Pairs that other pairs connect get the same number too: the least index of all of them.
 
     Args:
-        boxes_a: the first of each pair, least x, y, z and largest, metres.
-        boxes_b: the second.
-        order: (k,) int64, the pairs by the least coordinate of the first box along an axis.
-        axis: which.
+        boxes_a: the first box of each pair: least x, y, z, then largest, metres.
+        boxes_b: the second box of each pair.
+        order: (k,) int64, the pairs sorted by the least coordinate of the first box along `axis`.
+        axis: 0 to 2.
         groups: (k,) int64, written.
     """
     for k in range(len(groups)):
@@ -136,7 +136,7 @@ def _touch(boxes, i, j):
 
 @kernel
 def _root(groups, k):
-    """The first of a group; the way there is halved (path halving, Tarjan and van Leeuwen 1984)."""
+    """Return a group's first; halve the path to it (path halving, Tarjan and van Leeuwen 1984)."""
     while groups[k] != k:
         groups[k] = groups[groups[k]]
         k = groups[k]

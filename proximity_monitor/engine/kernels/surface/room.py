@@ -1,9 +1,9 @@
-"""Room for more cells: those that no pair needs any more are given up.
+"""Room for more cells: the cells that no pair needs any more are given up.
 
-Where very many pairs are about equally near, all of them would be divided by turns, and none ended
-before there is no room for more. So where room is short the last pair of the heap is divided, and
-then its parts, which stand there now: one pair after the other ends and gives up its cells. Where
-all of a surface is equally near, none ends in any time. The search sees that few do, and ends.
+If very many pairs are about equally near, all of them would be divided in turn, and room would run
+out before any was done. So if room is short, the last pair of the heap is divided, and then its
+parts, which are now last. Thus one pair after the other is done and gives up its cells. If all of a
+surface is equally near, pairs take too long to end. The search notices that few do, and ends.
 """
 
 from __future__ import annotations
@@ -13,26 +13,26 @@ from ..base.trees import NONE
 from .heap import kept_aside, place, rebuilt
 
 _SHORT, _FULL = 0.75, 0.9375
-"""Shares of the room: where more is in use, it is short; and it suffices no more, as the parts of a
-single pair may need some hundred cells."""
+"""Shares of the room that is in use. Above the first, room is short. Above the second, it does not
+suffice, because the parts of a single pair may need some hundred cells."""
 
 _TURN, _TURNS = 1 << 12, 1 << 5
-"""Pairs that are divided so until it is looked back at that, some hundredths of a second; and how
-many such turns there are at the most."""
+"""Pairs that are divided in this way until progress is checked, which takes some hundredths of a
+second; and the most such turns."""
 
 PATIENCE = _TURN * _TURNS
-"""Pairs that are divided so in all."""
+"""Most pairs that are divided in this way in all."""
 
 
 @inlined
 def is_narrow(progress, pairs):
-    """Whether room is short, so that the last pair is taken and not the nearest one."""
+    """Tell whether room is short, so that the last pair is taken instead of the nearest."""
     return progress.narrow != 0 or progress.dividing + progress.aside > _SHORT * len(pairs)
 
 
 @inlined
 def look_back(progress):
-    """Lose patience where so few pairs end that all will not in the turns that there are."""
+    """End patience if pairs end so slowly that some will be left after all turns."""
     if progress.lasts < progress.review:
         return
     if progress.crowd > 0 and (progress.crowd - progress.dividing) * _TURNS < progress.dividing:
@@ -42,7 +42,7 @@ def look_back(progress):
 
 @kernel
 def make_room(state):
-    """Give up what is not needed; returns whether that leaves enough room to go on."""
+    """Give up what is not needed; return whether that leaves enough room to go on."""
     progress, waiting = state.progress[0], state.waiting
     pairs = waiting.pairs
     progress.dividing = rebuilt(pairs, progress.dividing, progress.limit)
@@ -66,15 +66,15 @@ def make_room(state):
 
 @inlined
 def _share(used, room):
-    """The share of a room that is in use."""
+    """Return the share of a room that is in use."""
     return used / len(room) if len(room) > 0 else 0.0
 
 
 @kernel
 def _compacted(cells, nets, roots, used, pairs, count, aside, side):
-    """Keep the cells of one model that pairs name, one after the other; returns how many.
+    """Keep the cells of one model that pairs name, moved together; return how many.
 
-    A cell's parts are forgotten: where they are needed again, they are made again.
+    A cell's parts are dropped. If they are needed again, they are made again.
     """
     if used == 0:  # nothing of this model is divided: its pairs name whole elements
         return used
@@ -86,7 +86,7 @@ def _compacted(cells, nets, roots, used, pairs, count, aside, side):
     kept = 0
     for i in range(used):
         if cells[i].child != NONE:
-            cells[i].children = kept  # its new place, for now
+            cells[i].children = kept  # its new index, for now
             kept += 1
     for k in range(count + aside):
         pair = pairs[place(pairs, count, k)]

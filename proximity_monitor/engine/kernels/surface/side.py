@@ -1,4 +1,4 @@
-"""On which side of a surface that closes up many points lie."""
+"""On which side of a closed surface each of many points lies."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from . import crossing  # noqa: F401 - it implements what a winding number needs
 
 @entry
 def sides_of_surface(model, pose, points, first, last, steps, stack, bounds):
-    """Make bounds (k, 2) of the distances of points (k, 3) in the world such of signed ones.
+    """Turn bounds (k, 2) of distances of world points (k, 3) into bounds of signed distances.
 
-    Of those from `first` to before `last`. Returns how many are done: `last`, or as many as about
-    `steps` steps suffice for, at least one more than before. Where a point is so near that rounding
-    hides its side, the bounds have either sign.
+    It does so for the points from `first` to before `last`. Returns how many are done: `last`, or
+    as many as about `steps` steps suffice for, at least one more than before. If a point is so near
+    that rounding hides its side, its bounds allow for both signs.
     """
     tree, _ = tree_at(SurfaceTree, model)
     gaps = on_stack(WIDTH, np.float32(0.0))

@@ -1,7 +1,7 @@
-"""What the division of cells asks of either side of a pair: of a surface's cells, or of triangles.
+"""What the division of cells needs of either side of a pair: cells of a surface, or triangles.
 
-A cell is named by its number. A model whose elements are not divided has none, and an element's own
-number stands for it.
+An index names a cell. A model whose elements are not divided has no cells; the index of an element
+then stands for its cell.
 """
 
 from __future__ import annotations
@@ -19,71 +19,71 @@ from .facing import vector
 from .trim import CROSSING, INSIDE, classify_point
 
 _FLAT, _CROSSED = 1e-12, 1e-6
-"""Share of its extent by which a cell counts as rough at the least; and one that loops cross."""
+"""Share of a cell's extent that is added to its roughness; and that for a cell that loops cross."""
 
 
 def whole(tree, element, cells, nets, roots, used):
-    """The cell of a whole element, and how many are in use then; NONE where there is no room."""
+    """Return the cell of a whole element (NONE: no room), and how many are in use: a stub."""
 
 
 def ways_to_divide(tree, cells, nets, index, n):
-    """Whether a cell is to be divided in u, and in v, and how rough it is along n, its own frame.
+    """Tell whether to divide a cell in u, and in v, and its roughness along n (own frame): a stub.
 
-    The rougher of two cells is divided. Negative where it cannot be.
+    The rougher of two cells is divided. The roughness is negative if the cell cannot be divided.
     """
 
 
 def divide_side(tree, index, cells, nets, used, in_u, in_v):
-    """Divide a cell unless it is; returns how many are in use then."""
+    """Divide a cell if it is not divided yet; return how many cells are then in use: a stub."""
 
 
 def is_long_in(tree, cells, index, most):
-    """Whether a cell is longer than `most` in u, and in v, in its patch's parameters."""
+    """Tell if a cell is longer than `most` in u, and in v, in its patch's parameters: a stub."""
 
 
 def roughness(tree, cells, index):
-    """How far about, metres, a cell is from the parallelogram that stands for it."""
+    """Return about how far, metres, a cell is from the parallelogram that stands for it: a stub."""
 
 
 def least_of(tree, cells, nets, index, n):
-    """The least product of n with any point that a cell's points are means of, in its own frame."""
+    """Return the least product of n (own frame) with a cell's control points or corners: a stub."""
 
 
 def margin_of(tree, cells, index):
-    """What these points may err by, metres."""
+    """Return the error of these control points, metres: a stub."""
 
 
 def element_of(tree, cells, index):
-    """The element that a cell is a part of."""
+    """Return the element that a cell is a part of: a stub."""
 
 
 def normal_of(tree, cells, index):
-    """A vector about normal to a cell, in its own frame; of any length."""
+    """Return a vector about normal to a cell, in its own frame, of any length: a stub."""
 
 
 def facing(tree_a, tree_b, cells_a, cells_b, a, b, motion):
-    """Two near points of what stands for two cells.
+    """Find two near points of what stands for two cells: a stub.
 
-    Returns the way between them in a's frame, metres, and the weights that tell about where on
-    their elements they are.
+    Returns the way between them in a's frame, metres, and the weights of about where they are on
+    their elements.
     """
 
 
 def begin_on(tree, element):
-    """An element and the weights of one of its points, to begin a local search with.
+    """Return an element and the weights of one of its points, to begin a local search with: a stub.
 
-    It is the given one, or of a piece that loops cross perhaps one of their edges.
+    It is the given element. If loops cross its piece, it may be an edge of the patch instead.
     """
 
 
 def is_left(tree, element, weights):
-    """Whether a point of an element surely belongs to the model, as no loop has cut it off."""
+    """Tell whether a point of an element surely belongs to the model, uncut by loops: a stub."""
 
 
 def near(tree, p, element, weights, steps, slack, stack, bounds, found):
-    """The element that is about nearest to a point p of the model's frame, and where on it.
+    """Find the element about nearest to a point p of the model's frame, and where on it: a stub.
 
-    It is looked for in so many steps at most, beginning with a point of an element.
+    The search takes at most `steps` steps and begins with the point `weights` of `element`.
     """
 
 
@@ -111,10 +111,10 @@ def _roughness(tree, cells, index):
 
 @inlined
 def is_halved(low, high):
-    """Whether float64 has the middle of an interval of parameters, so that its halves are such.
+    """Tell whether float64 holds the middle of a parameter interval, so that its halves are exact.
 
-    Where weights differ by many orders, all of a piece lies within the last bit of a parameter. Its
-    control points go on to be halved, but a proof would be about another stretch.
+    If weights differ by many orders, all of a piece lies within the last bit of a parameter. Its
+    control points can still be halved, but a proof would be about a different stretch.
     """
     middle = 0.5 * (low + high)
     return middle > low and middle - low == high - middle
@@ -127,7 +127,7 @@ def _ways(tree, cells, nets, index, n):
     if cell.splits >= MOST_SPLITS:
         return False, False, -1.0
     crossed = cell.side == CROSSING
-    # What loops leave of a cell bends otherwise than the cell: nothing is known along n.
+    # What loops leave of a cell bends differently from the cell: nothing is known along n.
     n = (0.0, 0.0, 0.0) if crossed else n
     in_u, in_v, bends = directions_of(tree, cells, nets, index, n)
     in_u = in_u and is_halved(cell.low[0], cell.high[0])
@@ -136,7 +136,7 @@ def _ways(tree, cells, nets, index, n):
         return False, False, -1.0
     u, v = vector(cell.along_u), vector(cell.along_v)
     size = u[0] * u[0] + u[1] * u[1] + u[2] * u[2] + v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
-    # Flat ones are divided where nothing else is left to do, the larger one first.
+    # Flat cells are divided when nothing else is left to do, the larger one first.
     return in_u, in_v, bends + (_CROSSED if crossed else _FLAT) * size**0.5
 
 

@@ -1,4 +1,4 @@
-"""Surfaces that close up as solids: what the searches for balls and deepest points ask of them."""
+"""Closed surfaces as solids: what the searches for balls and deepest points ask of them."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from .sides import begin_on
 from .trim import INSIDE
 
 _SHARE, _LARGEST_SHARE = 0.2, 0.01
-"""Share of what a depth may err by that a point's distance may err by, and of itself at most."""
+"""A point's distance may err by this share of a depth's allowed error, and of itself at most."""
 
 
 @kernel
 def share_of(at):
-    """The share of itself by which a distance may err."""
+    """Return the share of itself by which a distance may err."""
     tolerated = at.rel_err
     if at.radius > 0.0:
         tolerated = max(tolerated, at.abs_err / at.radius)
@@ -40,7 +40,7 @@ def _seek(tree, p, k, at, point, stack, reached, found, steps):
     answer = unlooked(FAR, point.near[k], 0.0, 0.0)
     if top == 0:
         top = at_root(stack, reached)
-        stack[top], reached[top] = leaf(point.near[k], 1), -np.inf  # it comes first
+        stack[top], reached[top] = leaf(point.near[k], 1), -np.inf  # this leaf is visited first
         top += 1
     else:
         spot = point.spot[k]
@@ -51,7 +51,7 @@ def _seek(tree, p, k, at, point, stack, reached, found, steps):
     near, least = bounded(query, answer)
     point.away[k], point.near[k], at.height = distance, near, top
     point.spot[k, 0], point.spot[k, 1] = answer[2], answer[3]
-    # Until the end what the search goes on with.
+    # Until the search ends, this holds the `least` that it goes on with.
     point.loose[k] = answer[4] if top > 0 else max(distance - least, 0.0)
     return steps
 
@@ -65,7 +65,7 @@ def _foot(tree, p, k, point):
 
 @kernel
 def _normal_in(tree, element, u, v):
-    """A point of an element, its unit normal or zero, and about the element's size, metres."""
+    """Return a point of an element, its unit normal or zero, and about its size, metres."""
     element, u, v = place_on(tree, element, u, v)
     place, along_u, along_v, _, _, _ = jet_at(tree.pieces[element], tree.nets, u, v)
     n = cross(along_u, along_v)

@@ -1,10 +1,10 @@
 """Whether a part is beyond a distance of the origin, by its squared distance as a Bezier surface.
 
-With numerator M and weight w, the part's net, nothing is nearer than b where |M|² - b² w² is not
-negative: a Bezier surface of twice the degree. Its control points are sums of products of those of
-M and w (Farin, Curves and Surfaces for CAGD, section 6.10), and none of its points is below the
-least of them. That is the only proof which is exact about a pole, where a side is one point: all of
-its control points that lie beside the pole are those of the pole.
+With the numerator M and the weight w of the part's net, no point is nearer than b if |M|² - b² w²
+is not negative. That is a Bezier surface of twice the degree. Its control points are sums of
+products of those of M and w (Farin, Curves and Surfaces for CAGD, section 6.10), and none of its
+points is below the least of them. No other proof is exact near a pole, where a side is one point:
+all of its control points that lie beside the pole are those of the pole.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ from ..base.memory import on_stack
 from .parts import EACH
 
 _MOST = 3
-"""The highest degree that this is worth its time for, in either direction."""
+"""Highest degree, in either direction, for which this proof is worth its time."""
 
 _SUMS, _WIDE = 49, 7
-"""Control points of twice that degree, in all and in a direction."""
+"""Control points of twice that degree: in all, and in one direction."""
 
 
 @kernel
 def _times(degree, i):
-    """Binomial coefficient of a degree of three at the most."""
+    """Return the binomial coefficient for a degree of at most three."""
     if i == 0 or i == degree:
         return 1.0
     return float(degree)
@@ -32,12 +32,13 @@ def _times(degree, i):
 
 @kernel
 def is_beyond(piece, parts, at, below, margin):
-    """Whether no point of a part is nearer to the origin than `below`, metres.
+    """Tell whether no point of a part is nearer to the origin than `below`, b metres.
 
-    Control points err by `margin`, so with R no less than their distance from the origin, a product
-    by 2 R margin w w'; by what their weights err by, which is in the margin as well, by (R + b)
-    margin w w'; and by rounding, in a sum of sixteen, by 24 u (R + b)² w w'. As margin is more than
-    32 u R, and b less than R, all are less than 8 (R + b) margin w w'.
+    Let R be no less than the distance of the control points from the origin. Control points err
+    by `margin`, so a product errs by 2 R margin w w'. Their weights err too, which the margin
+    covers as well: by (R + b) margin w w'. Rounding, in a sum of sixteen, adds
+    24 u (R + b)² w w'. The margin is more than 32 u R, and b is less than R, so all of this is
+    less than 8 (R + b) margin w w'.
     """
     p, q = np.int64(piece.degree_u), np.int64(piece.degree_v)
     if p > _MOST or q > _MOST or not below > 0.0:

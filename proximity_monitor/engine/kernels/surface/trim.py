@@ -1,17 +1,17 @@
-"""Which part of a patch its trimming loops leave: of a point, of a rectangle of parameters.
+"""Which part of a patch its trimming loops leave: for a point, and for a rectangle of parameters.
 
-Loops are closed sequences of segments: pieces of rational Bezier curves, each with its chord and
-the width of a band around the chord that holds it. They lie in the unit square onto which the
-patch's rectangle is mapped, axis by axis (`to_unit`); each map is monotonic, so that rectangles
-stay rectangles. What is inside an odd number of loops belongs to the model.
+Loops are closed sequences of segments. A segment is a piece of a rational Bezier curve, with its
+chord and the width of a band around the chord that holds it. Segments lie in the unit square, onto
+which the patch's rectangle is mapped, axis by axis (`to_unit`). Each map is monotonic, so
+rectangles stay rectangles. What is inside an odd number of loops belongs to the model.
 
-A curve may be replaced by another with the same ends in the same convex set, if a point lies
-outside of that set: the number of times that they cross a ray from the point differs by an even
-number. So away from its band a segment counts as its chord, and within it is halved until its hull
-no longer holds the point (the same idea as in Bezier clipping: Sederberg, Nishita 1990).
+If a point lies outside a convex set, a curve in the set may be replaced by another in the set with
+the same ends: how often they cross a ray from the point differs by an even number. So for a point
+outside its band, a segment counts as its chord. For a point within the band, the segment is halved
+until its hull no longer holds the point (as in Bezier clipping: Sederberg, Nishita 1990).
 
-What lies along a side of the rectangle bounds nothing inside it. Such segments are moved outward,
-their band is FRAME, and rays count them while cells do not touch them.
+A segment along a side of the rectangle bounds nothing inside it. Such segments are moved outward
+and their band is FRAME: rays count them, but cells do not touch them.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ from ..base.memory import table_on_stack
 from .trim_curve import along, curve_box
 
 OUTSIDE, INSIDE, CROSSING = 0, 1, 2
-"""What is left of a point or a rectangle: surely nothing, surely all, or nobody knows."""
+"""What is left of a point or a rectangle: surely nothing, surely all, or unknown."""
 
 _DEEP, _PATIENCE = 64, 96
-"""Halvings of a segment that are kept at a time; that are made in all."""
+"""Most stretches of a segment that wait at a time, and most that are looked at."""
 
 
 @kernel
 def to_unit(trim, axis, value):
-    """Where a parameter of the patch lies in the unit interval.
+    """Map a parameter of the patch to the unit interval.
 
     In an arc of angle t, the rational quadratic with weights 1, cos(t/2), 1 runs through the angle
     2 atan(s tan(t/4)) from the arc's middle at s = -1 ... 1.
@@ -48,7 +48,7 @@ def to_unit(trim, axis, value):
 
 @kernel
 def from_unit(trim, axis, share):
-    """The inverse of `to_unit`."""
+    """Map a share of the unit interval to a parameter of the patch: the inverse of `to_unit`."""
     share = min(max(share, 0.0), 1.0)
     arcs = trim.arcs[axis]
     if arcs > 0:
@@ -61,7 +61,7 @@ def from_unit(trim, axis, share):
 
 @kernel
 def classify_point(table, patch, u, v):
-    """INSIDE, OUTSIDE, or CROSSING where the point is too near to a loop for rounding to tell."""
+    """Return INSIDE or OUTSIDE; CROSSING if the point is too near a loop for rounding to tell."""
     trim = table.trims[patch]
     if trim.rows == 0:
         return INSIDE
@@ -70,7 +70,7 @@ def classify_point(table, patch, u, v):
 
 @kernel
 def classify_rectangle(table, patch, low_u, low_v, high_u, high_v):
-    """INSIDE or OUTSIDE where all of a rectangle of the patch surely is; else CROSSING."""
+    """Return INSIDE or OUTSIDE if all of a rectangle of the patch surely is; else CROSSING."""
     trim = table.trims[patch]
     if trim.rows == 0:
         return INSIDE
@@ -89,13 +89,13 @@ def classify_rectangle(table, patch, low_u, low_v, high_u, high_v):
 
 @kernel
 def row_of(trim, share):
-    """Which row a share of v lies in."""
+    """Return the row that a share of v lies in."""
     return trim.first_row + min(max(int(share * trim.rows), 0), trim.rows - 1)
 
 
 @kernel
 def side_of(table, trim, x, y):
-    """On which side of the loops a point of the unit square lies: rays to the right are counted."""
+    """Classify a point of the unit square by counting what a ray to the right crosses."""
     odd = 0
     row = row_of(trim, y)
     for entry in range(table.rows[row], table.rows[row + 1]):
@@ -116,7 +116,7 @@ def side_of(table, trim, x, y):
 
 @kernel
 def _apart(x, y, ax, ay, bx, by):
-    """The square of the distance of a point from a chord."""
+    """Return the squared distance of a point from a chord."""
     dx, dy = bx - ax, by - ay
     square = dx * dx + dy * dy
     share = 0.0
@@ -128,7 +128,7 @@ def _apart(x, y, ax, ay, bx, by):
 
 @kernel
 def _passes(x, y, ax, ay, bx, by):
-    """1 if a ray from a point to the right meets a chord, which has its lower end alone."""
+    """Return 1 if a ray to the right from a point meets a chord (lower end included), else 0."""
     if (ay <= y) == (by <= y):
         return 0
     turn = (bx - ax) * (y - ay) - (x - ax) * (by - ay)
@@ -137,7 +137,7 @@ def _passes(x, y, ax, ay, bx, by):
 
 @kernel
 def _crossings(table, segment, slack, x, y):
-    """How often, modulo 2, a ray from a point meets a curve near it; CROSSING if nobody knows."""
+    """Count, modulo 2, how often a ray from a point meets a curve near it; CROSSING if unknown."""
     stack = table_on_stack(_DEEP, 6, 0.0)
     stack[0, 0], stack[0, 1] = segment.begin, segment.end
     stack[0, 2], stack[0, 3] = segment.a[0], segment.a[1]
@@ -156,7 +156,7 @@ def _crossings(table, segment, slack, x, y):
                 if not begin < middle < end or max(right - left, upper - lower) <= 4.0 * slack:
                     return CROSSING
                 mx, my, _, _ = along(table.nets, segment, middle)
-                # The first half takes the place of the whole, the second goes on top.
+                # The first half replaces the whole, the second goes on top.
                 stack[count, 1], stack[count, 4], stack[count, 5] = middle, mx, my
                 count += 1
                 stack[count, 0], stack[count, 1] = middle, end
@@ -172,7 +172,7 @@ def _crossings(table, segment, slack, x, y):
 
 @kernel
 def is_near(segment, left, lower, right, upper):
-    """Whether a segment's band may touch a rectangle: three separating axes."""
+    """Tell whether a segment's band may touch a rectangle: three separating axes."""
     dx, dy = segment.b[0] - segment.a[0], segment.b[1] - segment.a[1]
     x, y = 0.5 * (left + right), 0.5 * (lower + upper)
     half_x, half_y = 0.5 * (right - left), 0.5 * (upper - lower)
@@ -187,7 +187,7 @@ def is_near(segment, left, lower, right, upper):
 
 @kernel
 def _touches(table, segment, slack, left, lower, right, upper):
-    """Whether a curve may touch a rectangle."""
+    """Tell whether a curve may touch a rectangle."""
     stack = table_on_stack(_DEEP, 2, 0.0)
     stack[0, 0], stack[0, 1] = segment.begin, segment.end
     count = 1

@@ -1,4 +1,4 @@
-"""Trimming curves themselves: boxes around them, points on them, the point nearest to another."""
+"""Trimming curves: boxes around them, points on them, and the point nearest to a given one."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from ..base.jit import kernel
 from ..base.memory import table_on_stack
 
 _ROUNDS = 12
-"""Steps towards the nearest point of a curve: a seed has digits enough by then."""
+"""Steps towards the nearest point of a curve: enough digits for a seed."""
 
 
 @kernel
@@ -45,7 +45,7 @@ def restricted(nets, segment, begin, end, points):
 
 @kernel
 def curve_box(nets, segment, begin, end, slack):
-    """The box (left, lower, right, upper) of a stretch of a curve, by its control points."""
+    """Return the box (left, lower, right, upper) of a stretch of a curve, by its control points."""
     points = table_on_stack(16, 3, 0.0)
     restricted(nets, segment, begin, end, points)
     left, lower, right, upper = math.inf, math.inf, -math.inf, -math.inf
@@ -58,7 +58,7 @@ def curve_box(nets, segment, begin, end, slack):
 
 @kernel
 def along(nets, segment, t):
-    """The point of a curve at t, and its derivative: x, y, dx, dy."""
+    """Return the point of a curve at t, and its derivative: x, y, dx, dy."""
     points = table_on_stack(16, 3, 0.0)
     _taken(nets, segment, points)
     degree = segment.degree
@@ -78,10 +78,11 @@ def along(nets, segment, t):
 
 @kernel
 def foot(nets, segment, x, y, scale_x, scale_y):
-    """Where on a segment the point near to another is: t, and the square of its distance.
+    """Find the point of a segment near to a given one; return its t, and the squared distance.
 
-    Any t is on the segment; that it is the nearest is likely, not sure. What vanishes there is the
-    product of the way to the point with the derivative: its root by regula falsi (Illinois).
+    Any t is on the segment. That it is the nearest is likely, not sure. At the nearest point, the
+    product of the way to it with the derivative vanishes: find that root by regula falsi
+    (Illinois).
     """
     low, high = segment.begin, segment.end
     low_slope, apart = _slope(nets, segment, low, x, y, scale_x, scale_y)
@@ -112,7 +113,7 @@ def foot(nets, segment, x, y, scale_x, scale_y):
 
 @kernel
 def _slope(nets, segment, t, x, y, scale_x, scale_y):
-    """Half the derivative by t of the square of a distance, and the square."""
+    """Return half the derivative by t of a squared distance, and the squared distance."""
     px, py, dx, dy = along(nets, segment, t)
     ex, ey = scale_x * (px - x), scale_y * (py - y)
     return ex * scale_x * dx + ey * scale_y * dy, ex * ex + ey * ey

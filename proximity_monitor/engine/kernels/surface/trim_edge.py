@@ -11,17 +11,17 @@ from .trim_curve import along, foot
 
 @kernel
 def nearest_on_trim(table, patch, u, v, scale_u, scale_v):
-    """The segment, and the t on its curve, whose point is likely nearest to (u, v); -1: no loops.
+    """Return the segment, and the t on its curve, likely nearest to (u, v); -1: no loops.
 
-    Sides of the patch's rectangle are none of them.
+    Sides of the patch's rectangle do not count as segments.
 
     Args:
         table: the model's Trims.
         patch: which patch.
-        u: parameters of the patch.
-        v: ... in the other direction.
+        u: a parameter of the patch.
+        v: the other parameter of the patch.
         scale_u: what a step of u is worth, such as the length of the surface's derivative there.
-        scale_v: ... a step of v.
+        scale_v: what a step of v is worth.
     """
     trim = table.trims[patch]
     best_segment, best_t, best = -1, 0.0, math.inf
@@ -34,7 +34,7 @@ def nearest_on_trim(table, patch, u, v, scale_u, scale_v):
         segment = table.segments[index]
         if segment.band < 0.0:
             continue
-        # No point of the curve is nearer than that to the box of its chord.
+        # The curve is no nearer than the box of its chord, less the width of its band.
         left, right = min(segment.a[0], segment.b[0]), max(segment.a[0], segment.b[0])
         lower, upper = min(segment.a[1], segment.b[1]), max(segment.a[1], segment.b[1])
         ex = scale_x * max(left - x, x - right, 0.0)
@@ -49,10 +49,11 @@ def nearest_on_trim(table, patch, u, v, scale_u, scale_v):
 
 @kernel
 def trim_point(table, patch, segment, t):
-    """The parameters u, v of the patch at t of a segment's curve, and their derivatives by t.
+    """Return the patch's parameters u, v at t of a segment's curve, and their derivatives by t.
 
-    The surface's point there belongs to the model: it lies on its edge but for rounding. t may be
-    anything from 0 to 1: the curve goes beyond its segment, as long as it is part of the loop.
+    The surface's point there belongs to the model: except for rounding, it lies on the model's
+    edge. t may be anything from 0 to 1: the curve goes on beyond its segment, where it is still
+    part of the loop.
     """
     trim = table.trims[patch]
     x, y, dx, dy = along(table.nets, table.segments[segment], t)
@@ -62,7 +63,7 @@ def trim_point(table, patch, segment, t):
 
 @kernel
 def _stretch(trim, axis, share):
-    """The derivative of `from_unit`."""
+    """Return the derivative of `from_unit`."""
     arcs = trim.arcs[axis]
     if arcs == 0:
         return trim.extent[axis]

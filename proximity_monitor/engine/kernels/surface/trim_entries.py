@@ -1,4 +1,4 @@
-"""What Python asks about trims: many points or rectangles at once."""
+"""Entries for Python about trims: many points or rectangles at once."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from .trim_edge import nearest_on_trim, trim_point
 
 @entry
 def classify_points(table, patch, parameters, sides):
-    """What is left of points (n, 2) of a patch, into sides (int8, n): INSIDE and so on."""
+    """Write what is left of points (n, 2) of a patch to sides (int8, n): INSIDE and so on."""
     for i in range(len(parameters)):
         sides[i] = classify_point(table, patch, parameters[i, 0], parameters[i, 1])
 
 
 @entry
 def classify_rectangles(table, patch, rectangles, sides):
-    """What is left of rectangles (n, 4) of a patch, low u, low v, high u, high v; else the same."""
+    """As `classify_points`, for rectangles (n, 4) of a patch: low u, low v, high u, high v."""
     for i in range(len(rectangles)):
         low_u, low_v = rectangles[i, 0], rectangles[i, 1]
         high_u, high_v = rectangles[i, 2], rectangles[i, 3]
@@ -25,10 +25,10 @@ def classify_rectangles(table, patch, rectangles, sides):
 
 @entry
 def nearest_trim_points(table, patch, parameters, scale_u, scale_v, found):
-    """The points of a patch's loops nearest to points (n, 2), into found (n, 2).
+    """Write the points of a patch's loops nearest to points (n, 2) to found (n, 2).
 
     Returns:
-        False: the patch has no loops, and nothing is found.
+        False if the patch has no loops; then nothing is written.
     """
     for i in range(len(parameters)):
         u, v = parameters[i, 0], parameters[i, 1]
