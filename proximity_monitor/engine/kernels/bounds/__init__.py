@@ -1,1 +1,1 @@
-"""Bounds of sixteen volumes, or pairs of triangles, at once."""
+"""Lower bounds for sixteen volumes, or sixteen pairs of triangles, at a time."""

@@ -1,16 +1,16 @@
 """Certified lower bounds between boxes, by the algorithm of Gilbert, Johnson and Keerthi (GJK).
 
 A box is {c + s û + t v̂ + r ŵ : |s| <= a, |t| <= b, |r| <= thickness} with the stored axes and
-ŵ = û × v̂; nothing here supposes that they are exactly perpendicular. Johnson and Cohen 1997,
-section 3.1.1, bound such boxes by Gilbert's algorithm, and reject with spheres what is far away.
-Here the swept spheres of volumes.py reject: a box holds nothing that its rectangle, swept by the
-thickness, does not hold as well (see boxfit.py), so `lower_bounds` is true of boxes as it stands.
+ŵ = û × v̂. Nothing here assumes that the axes are exactly perpendicular. Johnson and Cohen 1997,
+section 3.1.1, bound such boxes by Gilbert's algorithm and reject distant boxes with spheres. Here
+the swept spheres of volumes.py reject them. The triangles in a box also lie in its rectangle swept
+by the thickness (see boxfit.py), so the bounds of `lower_bounds` hold for boxes unchanged.
 
-The differences between the points of two boxes fill a body with six edges, {d + sum x_i e_i :
-|x_i| <= 1}, whose distance from the origin is that of the boxes. GJK walks towards its nearest
-point over simplices of its corners. As with the swept spheres only directions are taken from that:
-for *any* n the gap (n·d - sum |n·e_i|) / |n| is a lower bound, so whatever rounding or degenerate
-boxes do to a walk can make the bound weaker, never wrong.
+The differences between the points of two boxes fill a zonotope with six half edges,
+{d + sum x_i e_i : |x_i| <= 1}. Its distance from the origin is the distance of the boxes. GJK walks
+over simplices of its corners towards the point nearest to the origin. As with the swept spheres,
+the walk supplies only directions: for *any* n the gap (n·d - sum |n·e_i|) / |n| is a lower bound.
+So rounding or a degenerate box can weaken the bound, but never make it wrong.
 """
 
 from __future__ import annotations
@@ -24,33 +24,33 @@ from ..base.vectors import add, along, cross, dot, moved, rotated, scaled, sub
 from ..tree.layout import EXTENT, HALF_U, HALF_V, RADIUS, STRIDE, U_X, V_X, WIDTH, read_vector, row
 
 _STEPS = 24
-"""Most corners that a walk visits; four are usual. One that is cut short gives a weaker bound."""
+"""Maximum number of corners that a walk visits; four is usual. Stopping early weakens the bound."""
 
 _SETTLED = 2.0**-20
-"""Share of a distance that a walk leaves to be gained: sixteen roundings of a float32 bound."""
+"""A walk stops within this share of the distance: sixteen roundings of a float32 bound."""
 
 
 @kernel
 def box_bounds(fixed, lane, motion, tree, node, slack, reach, bounds, first):
-    """Raise the bounds of a node's sixteen lanes, where they are below `reach`, to those of boxes.
+    """Raise those bounds of a node's sixteen lanes that are below `reach` to the bounds of boxes.
 
-    The first six arguments are those of `place`, which has accepted the volume; `bounds` is what
-    `lower_bounds` wrote, from `first` on. Node units, float32.
+    The first six arguments are those of `place`, which has accepted the volume. `bounds` holds the
+    result of `lower_bounds` from index `first` on. Node units, float32.
     """
     own = lane // WIDTH
     base = uint64(own * STRIDE + lane % WIDTH)
     ratio = fixed.scale[0] * tree.scale[1]
     c = scaled(add(read_vector(fixed.nodes, base), row(fixed.centres, own)), fixed.scale[0])
     c = sub(scaled(moved(motion, c), tree.scale[1]), row(tree.centres, node))
-    # The third axis is moved like a point of the box: the product of two axes that were moved would
-    # differ by what the motion lacks to a rotation.
+    # Move the third axis as a vector, like the points of the box. The cross product of the two
+    # moved axes would differ from it, because the motion is not exactly a rotation.
     u, v, w = _half_edges(fixed.nodes, base)
     u = scaled(rotated(motion, u), ratio)
     v = scaled(rotated(motion, v), ratio)
     w = scaled(rotated(motion, w), ratio)
-    # `slack` pays for the motion, as in `place`. All is float64 but the bound itself, which is no
-    # longer than all coordinates together: rounded to float32 it errs by u32 of those. The margin
-    # is twice that, of which float64 takes a millionth.
+    # `slack` covers the error of the motion, as in `place`. Only the bound itself is float32. It is
+    # at most the sum of all coordinates, so rounding it errs by u32 times that sum. The margin is
+    # twice as much; the float64 errors take a millionth of it.
     size = abs(c[0]) + abs(c[1]) + abs(c[2]) + 1.5 * fixed.sizes[lane, EXTENT] * ratio
     margin = 2.0 * SINGLE_EPS * (size + tree.centres[node, 3]) + slack * tree.scale[1]
     for k in range(WIDTH):
@@ -65,7 +65,7 @@ def box_bounds(fixed, lane, motion, tree, node, slack, reach, bounds, first):
 
 @kernel
 def _half_edges(nodes, base):
-    """Half edges of a lane's box."""
+    """Return the three half edges of a lane's box."""
     u, v = read_vector(nodes, base + U_X), read_vector(nodes, base + V_X)
     return (
         scaled(u, np.float64(nodes[base + HALF_U])),
@@ -76,17 +76,18 @@ def _half_edges(nodes, base):
 
 @kernel
 def shortest(d, edges, short, enough):
-    """Lower bound of the shortest vector in {d + sum x_i edges[i] : |x_i| <= 1}, six edges.
+    """Return a lower bound of the shortest length in {d + sum x_i edges[i] : |x_i| <= 1}, i < 6.
 
-    It is reached up to _SETTLED where it lies between `short` and `enough`; the walk ends as soon
-    as it is known to be shorter, or longer. -1 where nothing is known.
+    If the shortest length lies between `short` and `enough`, the bound is tight up to _SETTLED. The
+    walk ends as soon as it proves the length to be outside that range. Returns -1 if it proves
+    nothing.
     """
     best = -1.0
     v, squared = d, dot(d, d)  # a walk may begin anywhere in the body
-    simplex, n = (d, d, d), np.int64(1)  # a literal would have helpers compiled twice
+    simplex, n = (d, d, d), np.int64(1)  # a literal would compile the helpers a second time
     for _ in range(_STEPS):
-        # The corner that lies farthest against v, and with it the gap along v. Edges that are
-        # perpendicular to v are left out of it: it is the middle of a side then.
+        # The corner farthest in the direction -v, and the gap along v. An edge perpendicular to v
+        # does not shift it: the "corner" is then the middle of a side.
         corner, gap = d, dot(v, d)
         for e in edges:
             x = dot(v, e)
@@ -101,8 +102,8 @@ def shortest(d, edges, short, enough):
             break
         simplex, n, v = _nearest_side(simplex, n, corner)
         shorter = dot(v, v)
-        # With a new corner the simplex comes nearer, if not for rounding; and it has no nearest
-        # side where the origin is inside.
+        # A new corner brings the simplex nearer to the origin, except for rounding. If the origin
+        # is inside the simplex, it has no nearest side (n = 0).
         if n == 0 or not shorter < squared:
             break
         squared = shorter
@@ -111,12 +112,12 @@ def shortest(d, edges, short, enough):
 
 @kernel
 def _nearest_side(old, n, w):
-    """The side of a simplex of n <= 3 old corners and the new one w that is nearest to the origin.
+    """Find the side nearest to the origin of the simplex of n <= 3 old corners and the new one w.
 
-    Returns its corners, how many they are, and the point that is nearest; 0 of them where the
-    origin is inside. The side has w, which lies beyond the side that it was found from. Each edge
-    and face that has its nearest point within it is compared, so no single sign that rounding
-    turned leads far away.
+    Returns the side's corners, their number (0 if the origin is inside the simplex), and the side's
+    nearest point. The side contains w, because w lies beyond the previous nearest side. Every edge
+    and face whose nearest point lies within it is compared, so one sign that rounding flips cannot
+    lead far away.
     """
     nearest, least = w, dot(w, w)
     corners, used = (w, w, w), 1
@@ -136,7 +137,7 @@ def _nearest_side(old, n, w):
             e, f = sub(p, w), sub(q, w)
             normal = cross(e, f)
             nn, height = dot(normal, normal), dot(w, normal)
-            # Weights of p and q at the foot of the origin, times nn.
+            # Weights of p and q at the foot of the origin on the face, times nn.
             x, y = dot(cross(f, w), normal), dot(cross(w, e), normal)
             if x > 0.0 and y > 0.0 and x + y < nn and height * height < least * nn:
                 nearest, least = scaled(normal, height / nn), height * height / nn

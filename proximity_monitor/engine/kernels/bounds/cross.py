@@ -1,9 +1,10 @@
-"""All triangles of one lowest node against all of another.
+"""Bound all leaves of one lowest node (one whose lanes are leaves) against all leaves of another.
 
-First all are bounded along one direction, which costs next to nothing. The volumes of one node that
-are left are moved into the other's frame together and bounded against its volume as a whole, unless
-they are few; each that is left is bounded against its sixteen. None of them goes by way of the
-stack, and nothing is moved one by one: it takes half the time of opening one after the other.
+First, all pairs are bounded along one direction, at almost no cost. Then all lanes of the first
+node are moved together into the frame of the second node. If more than a few lanes survive, they
+are bounded against the volume around the whole second node. Each lane that still survives is
+bounded against the sixteen lanes of the second node. No pair goes through the stack and no volume
+is moved alone, so this takes half the time of opening the pairs one after the other.
 """
 
 from __future__ import annotations
@@ -41,26 +42,26 @@ from ..tree.layout import (
 from .volumes import lower_bounds, lows_along, tighten
 
 Scratch = namedtuple("Scratch", "single found frame placed owns lows other_lows")
-"""Room for float32: a single volume (16,), bounds (17 × 16), a motion (16,), a moved node
-(STRIDE,); for the numbers of sixteen lanes; and how far the lanes of either node keep from the
-other's along a direction (16,)."""
+"""Scratch arrays. float32: single, one volume (16,); found, bounds (17 × 16); frame, a motion
+(16,); placed, a moved node (STRIDE,); lows and other_lows (16,), the least coordinates along a
+direction of either node's lanes, see `lows_along`. Integers: owns, sixteen lane numbers."""
 
 
 _ALL = (1 << WIDTH) - 1  # lanes
 
 
 def left_between(waiting, tree, node, progress, limit, reaches):
-    """The bits of the lanes of a node that no ball or plane keeps beyond `limit`, metres: a stub.
+    """Return the bits of a node's lanes that no ball or plane proves to be beyond `limit` metres.
 
-    `reaches` is room for sixteen float32.
+    `reaches` is scratch for sixteen float32. A stub.
     """
 
 
 @loop16
 def move_lanes(nodes, base, frame, placed):
-    """All volumes of the node at `base`, turned, scaled and shifted, into `placed` (STRIDE,).
+    """Rotate, scale and shift all volumes of the node at `base` into `placed` (STRIDE,).
 
-    `frame` holds the rotation by rows, the shift, and the scale.
+    `frame` holds the rotation row by row, the shift, and the scale.
     """
     ax, ay, az = frame[0], frame[1], frame[2]
     bx, by, bz = frame[3], frame[4], frame[5]
@@ -88,7 +89,10 @@ def move_lanes(nodes, base, frame, placed):
 
 @inlined
 def _pick(lanes, base, margin, single):
-    """One lane's volume, which stands in the frame of what it is compared with, as `single`."""
+    """Copy one lane's volume to `single`, its radius increased by `margin`.
+
+    The volume is already in the frame of the lanes that it is compared with.
+    """
     for field in range(9):
         single[field] = lanes[base + uint64(WIDTH * field)]
     single[9], single[10] = lanes[base + HALF_U], lanes[base + HALF_V]
@@ -100,10 +104,11 @@ def _pick(lanes, base, margin, single):
 
 @inlined
 def along_node(tree, node, normal, sign, lows):
-    """How far along the direction from a to b the node of a tree keeps from the other's, in metres.
+    """Return a lower bound of a node centre's coordinate along the search direction, metres.
 
-    That is of its centre; how much less it is of its lanes is written to `lows`, in node units. For
-    b, whose sign is 1, it is measured along the direction, for a against it.
+    Writes to `lows`, in node units, the least coordinate of each lane relative to the centre. For a
+    node of b, `sign` is 1; for a node of a it is -1, which reverses the direction. So the sum over
+    both nodes, plus `progress.offset`, bounds their gap.
     """
     x, y, z = sign * normal[0], sign * normal[1], sign * normal[2]
     lows_along(tree.nodes, uint64(node * STRIDE), np.float32(x), np.float32(y), np.float32(z), lows)
@@ -114,25 +119,26 @@ def along_node(tree, node, normal, sign, lows):
 
 @inlined
 def _proven(lows, found, along, own_unit, unit, aligned, whole, count):
-    """Lower bound, metres, of all pairs of two nodes of which none is left.
+    """Return a lower bound, metres, of all lane pairs of two nodes, once none of them survives.
 
-    Every lane of the one was dismissed: along the direction, unless its bit in `aligned` is set;
-    against the other's volume as a whole, unless it is in `whole`; or against all its lanes, which
-    `count` of them were.
+    Each lane of the first node was pruned in one of three ways. If its bit in `aligned` is not set,
+    it was pruned along the direction. If its bit is set in `aligned` but not in `whole`, it was
+    pruned against the whole second node. The remaining `count` lanes were bounded against all lanes
+    of the second node.
     """
     proven = along + smallest(lows, 0, ~aligned) * own_unit
     proven = min(proven, smallest(found, 0, aligned & ~whole) * unit)
     for i in range(count):
-        # Where a lane was dismissed along the direction alone, this is below the limit: no matter.
+        # A pair that only the direction pruned may make this fall below the limit. It stays valid.
         proven = min(proven, smallest(found, (i + 1) * WIDTH, _ALL) * unit)
     return proven
 
 
 @inlined
 def cross_nodes(tree, fixed, node, lane, motion, flip, state, inherited, limit, scratch, n):
-    """What `stubs.cross_leaves` asks for, of two trees over triangles.
+    """Implement `stubs.cross_leaves` for two trees over triangles.
 
-    Returns -1 where single precision does not serve.
+    Returns -1 if the coordinates are too large for single precision.
     """
     single, found, frame, placed, owns, lows, other_lows = scratch
     waiting = state.waiting
@@ -141,7 +147,7 @@ def cross_nodes(tree, fixed, node, lane, motion, flip, state, inherited, limit, 
     progress = state.progress[0]
     progress.bound_tests += WIDTH
     before = n
-    # Along the direction between the nearest points, all pairs of volumes at once.
+    # Bound all pairs of volumes at once along the search direction.
     normal = progress.normal_b if flip else progress.normal_a
     other_normal = progress.normal_a if flip else progress.normal_b
     sign = 1.0 if flip else -1.0
@@ -161,7 +167,7 @@ def cross_nodes(tree, fixed, node, lane, motion, flip, state, inherited, limit, 
     centre = row(fixed.centres, other)
     d = scaled(moved(motion, scaled(row(tree.centres, node), tree.scale[0])), inverse)
     d = sub(d, centre)
-    # The volume of the other node as a whole stands in the node above it, whose axes are the same.
+    # The volume around the whole second node is a lane of that node's parent, with the same axes.
     above = lane // WIDTH
     base = uint64(above * STRIDE + lane % WIDTH)
     o = sub(add(read_vector(fixed.nodes, base), row(fixed.centres, above)), centre)
@@ -173,7 +179,7 @@ def cross_nodes(tree, fixed, node, lane, motion, flip, state, inherited, limit, 
     slack = progress.bound_slack * inverse
     if not (reach + slack < SINGLE_LIMIT and ratio < SINGLE_LIMIT):
         return -1
-    # The floor covers what float32 would flush.
+    # SINGLE_TINY covers values that float32 would flush to zero.
     margin = np.float32((CROSS_MARGIN * reach + slack) * (1.0 + 2.0 * SINGLE_EPS) + SINGLE_TINY)
     threshold = np.float32(min(limit * inverse * (1.0 + 1e-6), 1e29))
     for i in range(9):
@@ -189,12 +195,12 @@ def cross_nodes(tree, fixed, node, lane, motion, flip, state, inherited, limit, 
         progress.bound_tests += WIDTH
         whole = not_above(found, 0, threshold)
         rows &= whole
-    # All are bounded before any result is looked at, so that the processor works on two at once.
+    # Compute all bounds before reading any, so that the processor can overlap two computations.
     count = 0
     while rows:
         own = lowest(rows)
         rows &= rows - 1
-        # An unused lane's radius, scaled, need not be beyond every distance.
+        # Once scaled, the radius of an unused lane may no longer exceed every distance.
         if tree.children[node * WIDTH + own] == EMPTY:
             continue
         at = (count + 1) * WIDTH

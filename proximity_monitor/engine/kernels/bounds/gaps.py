@@ -1,10 +1,10 @@
-"""Sixteen triangle pairs at a time: which of them can still matter.
+"""Filter sixteen triangle pairs at a time: which of them can still matter.
 
-For each pair a direction between points that are close to nearest is found in float32 from the
-nine pairs of edges. As with the volumes, the gap between the two triangles' projections on *any*
-direction is a lower bound of their distance, and so is the gap along either triangle's normal; at
-the true nearest points the best of the three *is* the distance. So pairs that cannot win are
-dismissed sixteen at a time, and float32 or a degenerate triangle can only let too many through.
+For each pair, float32 arithmetic on the nine pairs of edges finds a direction between two points
+that are close to nearest. As with the volumes, the gap between the two triangles' projections on
+*any* direction is a lower bound of their distance. The gap along either triangle's normal is one
+too. At the true nearest points the best of the three *is* the distance. So pairs that cannot win
+are pruned sixteen at a time. float32 or a degenerate triangle can only let too many pairs through.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ BATCH = 16
 """Pairs that are filtered together."""
 
 CORNERS = 18 * BATCH
-"""Numbers of a batch: coordinate c of pair k at `c * BATCH + k`; a's triangle, then b's."""
+"""Numbers of a batch: coordinate c of pair k is at `c * BATCH + k`; a's triangle, then b's."""
 
 _ZERO = float32(0.0)
 _ONE = float32(1.0)
@@ -30,7 +30,7 @@ _LIMIT = float32(FILTER_LIMIT)
 
 @inlined
 def gather(triangles_a, ta, triangles_b, tb, slot, corners):
-    """Put the corners of two triangles, each in its own frame, into a slot of a batch."""
+    """Copy the corners of two triangles, each in its own frame, to a slot of a batch."""
     for i in range(9):
         corners[uint64(i * BATCH + slot)] = triangles_a[ta, i]
         corners[uint64((9 + i) * BATCH + slot)] = triangles_b[tb, i]
@@ -38,10 +38,10 @@ def gather(triangles_a, ta, triangles_b, tb, slot, corners):
 
 @loop16
 def shift(corners, m, scale, local):
-    """Both triangles relative to a's first corner, in float32: a1, a2, b0, b1, b2.
+    """Write both triangles relative to a's first corner, in float32: a1, a2, b0, b1, b2.
 
-    `m` moves b into a's frame; `scale` makes the numbers fit for float32. The differences are
-    taken in float64.
+    `m` moves b into a's frame; `scale` brings the numbers into the range of float32. The
+    differences are computed in float64.
     """
     for k in range(BATCH):
         i = uint64(k)
@@ -63,10 +63,10 @@ def shift(corners, m, scale, local):
 
 @inlined16
 def _nearer(px, py, pz, dx, dy, dz, qx, qy, qz, ex, ey, ez, best, gx, gy, gz):
-    """Difference of the nearest points of two segments, where it is shorter than the best so far.
+    """Return the shorter of the best difference so far and that of two segments' nearest points.
 
-    The usual clamped solution (Ericson 2005, section 5.1.9). Poor conditioning only costs
-    tightness.
+    Uses the clamped solution of Ericson 2005, section 5.1.9. Poor conditioning only makes the bound
+    less tight.
     """
     rx, ry, rz = px - qx, py - qy, pz - qz
     a = dx * dx + dy * dy + dz * dz
@@ -90,7 +90,7 @@ def _nearer(px, py, pz, dx, dy, dz, qx, qy, qz, ex, ey, ez, best, gx, gy, gz):
 
 @inlined16
 def _gap_along(nx, ny, nz, px, py, pz, qx, qy, qz, ax, ay, az, bx, by, bz, cx, cy, cz):
-    """Gap between the projections on n of the triangles (0, p, q) and (a, b, c), over |n|."""
+    """Return the gap of triangles (0, p, q) and (a, b, c), projected on n, divided by |n|."""
     p = nx * px + ny * py + nz * pz
     q = nx * qx + ny * qy + nz * qz
     a = nx * ax + ny * ay + nz * az
@@ -104,9 +104,9 @@ def _gap_along(nx, ny, nz, px, py, pz, qx, qy, qz, ax, ay, az, bx, by, bz, cx, c
 
 @loop16
 def gaps(local, slack, bounds):
-    """Lower bounds of sixteen triangle pairs' distances, scaled as `local` is.
+    """Write lower bounds of sixteen triangle pairs' distances, in the scale of `local`.
 
-    `slack` is what the motion may err by; FILTER_MARGIN covers what rounding does to a gap.
+    `slack` covers the error of the motion; FILTER_MARGIN covers the rounding of a gap.
     """
     for k in range(BATCH):
         i = uint64(k)
@@ -143,5 +143,5 @@ def gaps(local, slack, bounds):
             max(abs(ax) + abs(ay) + abs(az), abs(bx) + abs(by) + abs(bz)),
             abs(cx) + abs(cy) + abs(cz),
         )
-        # Beyond the limit products overflow (and NaN compares as false): then nothing is known.
+        # Beyond the limit, products overflow (and NaN compares as false): then return no bound.
         bounds[k] = bound - size * _MARGIN - slack if size < _LIMIT else -_ONE

@@ -1,14 +1,14 @@
-"""Certified lower bounds between one swept sphere volume and the sixteen of a wide node.
+"""Certified lower bounds between one swept sphere volume and the sixteen lanes of a node.
 
 A volume is {c + s û + t v̂ : |s| <= a, |t| <= b} swept by a ball of radius r: a rectangle swept
-sphere along two perpendicular unit axes, a line swept sphere where b = 0, a point swept sphere
-where a = 0 as well (Larsen et al. 1999, section 4). One kernel serves the three, in any mixture.
+sphere along two perpendicular unit axes; if b = 0, a line swept sphere; if a = 0 as well, a point
+swept sphere (Larsen et al. 1999, section 4). One kernel serves all three, in any mixture.
 
-The bound is a support gap, not a distance between closest points: for *any* direction n the gap
+The bound is a support gap, not a distance between closest points: for *any* direction n, the gap
 between the two volumes' projections on n is a lower bound of their distance (section 4.3.2 calls
 it the separating axis variation). Good directions come from a few alternating projections between
-the rectangles and from the two rectangles' normals. Nothing here can make the bound wrong: a poor
-direction makes it weaker, and single precision is paid for by a margin (`single_margin`).
+the rectangles, and from the normals of both rectangles. A poor direction makes the bound weaker,
+never wrong. A margin (SINGLE_MARGIN) covers single precision.
 """
 
 from __future__ import annotations
@@ -49,11 +49,11 @@ _TINY = float32(SINGLE_TINY)
 
 @loop16
 def lower_bounds(nodes, base, single, bounds, first):
-    """Lower bounds between `single` and each lane of a node, into sixteen of `bounds`.
+    """Write lower bounds between `single` and each lane of a node to sixteen entries of `bounds`.
 
-    `nodes` is the flat float32 array of all lanes; the node begins at `base`, what is written at
-    `first`, both uint64 (a signed index would add a wrap-around test to each load and keep the loop
-    scalar); `single` the 15 numbers of `place`.
+    `nodes` is the flat float32 array of all lanes; the node begins at index `base`, the result at
+    index `first`. Both are uint64: a signed index would add a wrap-around test to each load and
+    keep the loop scalar. `single` holds the 15 numbers that `place` writes.
     """
     ax, ay, az = single[0], single[1], single[2]
     Ux, Uy, Uz = single[3], single[4], single[5]
@@ -69,7 +69,7 @@ def lower_bounds(nodes, base, single, bounds, first):
         ux, uy, uz = nodes[i + U_X], nodes[i + U_Y], nodes[i + U_Z]
         vx, vy, vz = nodes[i + V_X], nodes[i + V_Y], nodes[i + V_Z]
         a, b = nodes[i + HALF_U], nodes[i + HALF_V]
-        # All in the single volume's axes: there some of what follows needs no product.
+        # Convert to the single volume's axes: this saves some of the products below.
         X = dx * Ux + dy * Uy + dz * Uz
         Y = dx * Vx + dy * Vy + dz * Vz
         Z = dx * Wx + dy * Wy + dz * Wz
@@ -79,7 +79,7 @@ def lower_bounds(nodes, base, single, bounds, first):
         vX = vx * Ux + vy * Uy + vz * Uz
         vY = vx * Vx + vy * Vy + vz * Vz
         vZ = vx * Wx + vy * Wy + vz * Wz
-        # Alternating projections between the rectangles, on inner products alone.
+        # Alternating projections between the rectangles, computed from inner products alone.
         Du = X * uX + Y * uY + Z * uZ
         Dv = X * vX + Y * vY + Z * vZ
         p = min(max(Du, -a), a)
@@ -93,8 +93,8 @@ def lower_bounds(nodes, base, single, bounds, first):
         nx = X + S - p * uX - q * vX
         ny = Y + T - p * uY - q * vY
         nz = Z - p * uZ - q * vZ
-        # The support gap along that direction, each product taken afresh: the inner products
-        # above would cancel where the volumes are close.
+        # The support gap along n. Compute each product anew: the inner products above would cancel
+        # when the volumes are close.
         gap = (
             nx * X + ny * Y + nz * Z
             - A * abs(nx)
@@ -102,22 +102,23 @@ def lower_bounds(nodes, base, single, bounds, first):
             - a * abs(nx * uX + ny * uY + nz * uZ)
             - b * abs(nx * vX + ny * vY + nz * vZ)
         ) / np.sqrt(max(nx * nx + ny * ny + nz * nz, _TINY))  # fmt: skip
-        # ... along the lane's normal (perpendicular to its own axes up to rounding, which the
-        # margin covers) ...
+        # The gap along the lane's normal (perpendicular to the lane's axes up to rounding, which
+        # the margin covers).
         wx = uY * vZ - uZ * vY
         wy = uZ * vX - uX * vZ
         wz = uX * vY - uY * vX
         gap_lane = abs(wx * X + wy * Y + wz * Z) - A * abs(wx) - B * abs(wy)
-        # ... and along the single volume's.
+        # The gap along the single volume's normal.
         gap_single = abs(Z) - a * abs(uZ) - b * abs(vZ)
         bounds[first + uint64(k)] = max(max(gap, gap_lane), gap_single) - nodes[i + RADIUS] - radius
 
 
 @loop16
 def lows_along(nodes, base, x, y, z, lows):
-    """How far each lane of a node lies from the node's centre along a direction, at the least.
+    """Write to `lows` each lane's least coordinate along a direction, from the node's centre.
 
-    Two such vectors bound all pairs of two nodes' lanes along it: by one sum each. In node units.
+    Two such arrays bound all lane pairs of two nodes along the direction, with one sum per pair.
+    Node units.
     """
     for k in range(WIDTH):
         i = base + uint64(k)
@@ -132,9 +133,9 @@ def lows_along(nodes, base, x, y, z, lows):
 def place(fixed, lane, motion, tree, node, slack, out):
     """Move one lane of `fixed` into the frame of a node of `tree`, as `single` of `lower_bounds`.
 
-    `motion` is the twelve numbers of the pose from fixed's model to tree's; `slack` what it may err
-    by, in metres. Writes 15 float32 and returns True; or returns False where the volume is too far
-    away or too large for single precision (see `far_bound`).
+    `motion` holds the twelve numbers of the pose from fixed's model to tree's; `slack` bounds its
+    error, metres. Writes 15 float32 to `out` and returns True. Returns False if the volume is too
+    far away or too large for single precision (see `far_bound`).
     """
     own = lane // WIDTH
     base = uint64(own * STRIDE + lane % WIDTH)
@@ -146,8 +147,8 @@ def place(fixed, lane, motion, tree, node, slack, out):
     y = c[1] - tree.centres[node, 1]
     z = c[2] - tree.centres[node, 2]
     size = fixed.sizes[lane, EXTENT] * ratio
-    # 1.5 times the diagonal exceeds the sum of both half edges and the radius. A slack that is far
-    # larger than both models would drown even the radius of an unused lane.
+    # 1.5 times the diagonal exceeds the sum of both half edges and the radius. The slack counts
+    # too: if it were far larger than both models, even an unused lane might seem near.
     reach = abs(x) + abs(y) + abs(z) + 1.5 * size
     if not reach + slack * tree.scale[1] < SINGLE_LIMIT:
         return False
@@ -167,9 +168,10 @@ def place(fixed, lane, motion, tree, node, slack, out):
 
 @kernel
 def far_bound(fixed, lane, motion, tree, node, slack):
-    """Lower bound in metres between one lane's sphere and a whole node's, in float64.
+    """Return a lower bound in metres between one lane's sphere and a whole node's, in float64.
 
-    Serves where `place` refuses: some 1e15 node units away or larger, where spheres are as good.
+    Use it when `place` returns False: the volume is some 1e15 node units away or larger, where
+    spheres are as good.
     """
     own = lane // WIDTH
     base = uint64(own * STRIDE + lane % WIDTH)
@@ -183,7 +185,7 @@ def far_bound(fixed, lane, motion, tree, node, slack):
 
 
 def tighten(fixed, tree, lane, motion, node, slack, reach, bounds, first):
-    """Raise the bounds that `lower_bounds` wrote, where they are below `reach`: a stub.
+    """Raise those bounds from `lower_bounds` that are below `reach`. A stub.
 
-    The arguments are those of `boxes.box_bounds`; see pairs/mesh_mesh.py.
+    The arguments are those of `boxes.box_bounds`; see pairs/swept.py.
     """

@@ -1,1 +1,1 @@
-"""The distance of two primitives, and what sweeps them."""
+"""Distances of primitives, and the radii and deviations that sweep them."""

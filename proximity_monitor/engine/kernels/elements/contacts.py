@@ -1,8 +1,9 @@
-"""A point and a normal of each pair of triangles that touch or cross.
+"""Find a contact point and a contact normal for each pair of triangles that touch or cross.
 
-The normal leads from a to b: along it b is pushed away. Where the cores of two swept models keep
-apart it is the way between their nearest points. Else it is a's face normal or b's turned round:
-that one along which b has to go less far until the two triangles lie on either side of the plane.
+The normal points from a to b: moving b along it separates the models. If the cores of two swept
+models are apart, the normal is the direction between the cores' nearest points. Otherwise it is a's
+face normal or the reversed face normal of b, whichever needs the shorter motion of b along it until
+the triangles lie on opposite sides of a plane.
 """
 
 from __future__ import annotations
@@ -18,13 +19,13 @@ from .primitives import corners, measure_triangles, mixed
 from .swept import surface_points
 
 _NOISE = 8.0
-"""Up to how many times what rounding does to a distance the way between two points has no direction
-that means anything."""
+"""If two points are no farther apart than this multiple of the slack, the direction between them
+means nothing."""
 
 
 @kernel
 def _longest(t):
-    """The longest edge of a triangle that may be a segment or a point."""
+    """Return the longest edge of a triangle that may be a segment or a point."""
     longest = sub(t[1], t[0])
     for e in (sub(t[2], t[1]), sub(t[0], t[2])):
         if dot(e, e) > dot(longest, longest):
@@ -34,14 +35,14 @@ def _longest(t):
 
 @kernel
 def _overlap(a, b, n):
-    """How far b has to go along n to lie beyond a."""
+    """Return how far b has to move along n to lie beyond a."""
     last = max(dot(a[0], n), max(dot(a[1], n), dot(a[2], n)))
     return last - min(dot(b[0], n), min(dot(b[1], n), dot(b[2], n)))
 
 
 @kernel
 def _normal(a, b):
-    """The normal of two triangles that have a point in common."""
+    """Return the contact normal of two triangles that have a point in common."""
     na, nb = face_normal(a), scaled(face_normal(b), -1.0)
     flat_a, flat_b = dot(na, na) > 0.0, dot(nb, nb) > 0.0
     if flat_a and flat_b:
@@ -55,10 +56,10 @@ def _normal(a, b):
 
 @entry
 def contacts(model_a, model_b, memory, pose, pairs, points, normals):
-    """Points (k, 3) and unit normals (k, 3) in the world of pairs (k, 2) of triangles that touch.
+    """Write `points` (k, 3) and unit `normals` (k, 3), world frame, of touching triangle `pairs`.
 
-    The triangles are in tree order, `memory` is that of the search that found them, which is over;
-    `pose` is a's.
+    `pairs` (k, 2) holds triangles in tree order. `memory` belongs to the finished search that found
+    them. `pose` is the pose of a.
     """
     tree_a, _ = tree_at(MeshTree, model_a)
     tree_b, _ = tree_at(MeshTree, model_b)

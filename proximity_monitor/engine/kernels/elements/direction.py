@@ -1,9 +1,9 @@
-"""The search direction: that between the nearest points found so far, to measure others along it.
+"""The search direction: from a's nearest point found so far to b's. Gaps are measured along it.
 
-Triangles that share the nearest corner or edge are exactly as near as each other, and where the
-models are far apart many are nearly so: no bound in single precision tells them from nearer ones.
-But along the direction between the nearest points their gap *is* that distance. Six inner products
-in float64 dismiss nearly all of them.
+Triangles that share the nearest corner or edge are exactly equally near. If the models are far
+apart, many more are nearly so. A bound in single precision cannot tell them from nearer ones. But
+along the search direction their gap *is* the distance found. Six inner products in float64 prune
+nearly all of them.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from ..base.vectors import dot
 
 @kernel
 def forget_direction(progress):
-    """Forget the direction: `gap_along` is then of no use, and dismisses nothing."""
+    """Forget the search direction: `gap_along` then returns no useful bound and prunes nothing."""
     for i in range(3):
         progress.normal_a[i] = progress.normal_b[i] = 0.0
     progress.offset = 0.0
@@ -25,10 +25,10 @@ def forget_direction(progress):
 
 @kernel
 def take_direction(progress, motion, g):
-    """Measure along g from now on, the way from the nearest point of a to that of b in a's frame.
+    """Make g the search direction: the vector from a's nearest point to b's, in a's frame.
 
-    Half a dozen roundings may lengthen a unit vector by less than 4 u, so it is made that much
-    shorter; a vanishing g gives none.
+    Half a dozen roundings may lengthen the unit vector by less than 4 u, so it is shortened by that
+    much. If g vanishes, the direction is zero and prunes nothing.
     """
     length = np.sqrt(dot(g, g))
     scale = (1.0 - 4.0 * DOUBLE_EPS) / length if length > 1e-140 else 0.0
@@ -41,7 +41,7 @@ def take_direction(progress, motion, g):
 
 @inlined
 def _along(normal, triangles, t):
-    """The products of a triangle's three corners with a direction."""
+    """Return the inner products of a triangle's three corners with a direction."""
     x, y, z = normal[0], normal[1], normal[2]
     return (
         x * triangles[t, 0] + y * triangles[t, 1] + z * triangles[t, 2],
@@ -52,32 +52,35 @@ def _along(normal, triangles, t):
 
 @inlined
 def end_along(progress, triangles_a, ta):
-    """Where a triangle of a ends along the direction."""
+    """Return the largest coordinate of a triangle of a along the search direction."""
     a0, a1, a2 = _along(progress.normal_a, triangles_a, ta)
     return max(max(a0, a1), a2)
 
 
 @inlined
 def begin_of(normal, triangles, t):
-    """Where a triangle begins along a direction, in the frame of both."""
+    """Return a triangle's least coordinate along a direction given in the triangle's frame."""
     c0, c1, c2 = _along(normal, triangles, t)
     return min(min(c0, c1), c2)
 
 
 @inlined
 def begin_along(progress, triangles_b, tb):
-    """Where a triangle of b begins along the direction, in b's frame."""
+    """Return the least coordinate of a triangle of b along the search direction, in b's frame."""
     return begin_of(progress.normal_b, triangles_b, tb)
 
 
 @inlined
 def gap_between(progress, end, begin):
-    """Certified lower bound of the distance, metres, of what ends and what begins there."""
+    """Return a certified lower bound, metres, of two triangles' distance.
+
+    `end` comes from `end_along`, `begin` from `begin_along`.
+    """
     return ((begin + progress.offset) - end) - GAP_SHARE * progress.slack
 
 
 @inlined
 def gap_along(progress, triangles_a, ta, triangles_b, tb):
-    """Certified lower bound of the distance of two triangles, metres: their gap along it."""
+    """Return a certified lower bound of two triangles' distance, metres: their gap along it."""
     end = end_along(progress, triangles_a, ta)
     return gap_between(progress, end, begin_along(progress, triangles_b, tb))

@@ -1,7 +1,7 @@
 """All nine pairs of two triangles' edges at a time, in float64.
 
-The formulas, and so what rounding does to them, are those of `segments` (triangles.py), without a
-branch, so that LLVM vectorises them: it takes less than half the time.
+The formulas, and so their rounding errors, are those of `segments` (triangles.py). They have no
+branch, so LLVM vectorises them, which takes less than half the time.
 """
 
 from __future__ import annotations
@@ -15,7 +15,8 @@ from ..base.rounding import TOUCHING
 from ..base.vectors import clamped
 
 LANES = 16
-"""Room for the nine pairs: edge i of the first triangle with edge j of the second at 3 i + j."""
+"""Length of the arrays for the nine pairs: edge i of the first triangle and edge j of the second
+are at index 3 i + j."""
 
 _TABLE = 9 * LANES
 _L = uint64(LANES)
@@ -23,11 +24,12 @@ _L = uint64(LANES)
 
 @kernel
 def edge_pairs(a, ea, b, eb, s, t, squared, touching):
-    """Nearest points of nine pairs of segments, each array (LANES,).
+    """Find the nearest points of nine pairs of segments; every output array is (LANES,).
 
     `a` and `b` are corners, `ea` and `eb` the edges that begin there. Writes the parameters `s` on
-    the first triangle's edge and `t` on the second's, the squared distance, and `touching`, below
-    which that is to be found more carefully. Lanes from nine on mean nothing.
+    the first triangle's edge and `t` on the second's, and the squared distance `squared`. If
+    `squared` is below `touching`, recompute the pair with `segments`. Lanes from nine on mean
+    nothing.
     """
     table = on_stack(_TABLE, 0.0)
     for k in range(LANES):

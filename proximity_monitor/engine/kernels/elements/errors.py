@@ -1,4 +1,4 @@
-"""What rounding may have done to a point of an element, before it is moved."""
+"""Errors of a model's elements in the model's frame: of their points, and of gaps between them."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from ..base.trees import CONVERSION, JOINTS, MeshTree, RevolutionTree, SurfaceTr
 
 
 def points_err(tree):
-    """What a point of an element errs by, metres."""
+    """Return the error of a point of an element before it is moved, metres. A stub."""
 
 
 def joints_err(tree):
-    """How far from the elements that may be which closes a solid where they do not meet, metres."""
+    """Return how far from the elements a solid's boundary may lie at their gaps, metres. A stub."""
 
 
 @implements(points_err, MeshTree)

@@ -1,4 +1,4 @@
-"""Triangle pairs of a search: sixteen are gathered, filtered together, and the rest tested."""
+"""Measure triangle pairs exactly and keep the nearest points of a search."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from .swept import reach_of
 from .triangles import certainly_cross, distance_apart, triangle_distance
 
 _LEAP = 0.1
-"""Share of the models' sizes."""
+"""A motion by this share of both models' sizes is a leap, see `has_leapt`."""
 
 _TIED = 8.0
-"""Up to how many times what rounding does to distances two of them count as equal."""
+"""Two distances that differ by less than this multiple of the slack count as equal."""
 
 
 @kernel
 def enough(progress):
-    """Bound from which a pair cannot improve the answer by more than was asked for."""
+    """Return the bound, metres, from which a pair cannot improve the answer by more than asked."""
     slack, radii = progress.slack, progress.radii
     distance = max(progress.distance, radii)
     upper = distance + slack
@@ -34,9 +34,9 @@ def enough(progress):
 
 @inlined
 def has_leapt(tree_a, tree_b, state):
-    """Whether the models have moved so far since the last search that other points may be nearest.
+    """Return whether the models moved so far that the nearest points may have jumped.
 
-    Where nothing is known of that, they have not.
+    The motion counts since the last search. If the search has no memory of one, returns False.
     """
     sizes = tree_a.scale[LARGEST] + tree_b.scale[LARGEST]
     return remembers(state) and state.progress[0].step >= _LEAP * sizes
@@ -44,9 +44,9 @@ def has_leapt(tree_a, tree_b, state):
 
 @inlined
 def keep(state, distance, ta, tb, wa, wb, way):
-    """Keep two points, by their triangles and weights, as the nearest so far.
+    """Keep two points, given by their triangles and weights, as the nearest so far.
 
-    `way` leads from that of a to that of b, in a's frame.
+    `way` is the vector from a's point to b's, in a's frame.
     """
     progress = state.progress[0]
     progress.distance = distance
@@ -55,8 +55,8 @@ def keep(state, distance, ta, tb, wa, wb, way):
     progress.weights_b[0], progress.weights_b[1], progress.weights_b[2] = wb
     least = enough(progress)
     if state.collected.shape[0] > 0:
-        # All that may be as near as the upper bound, distance + slack, matters; the second slack,
-        # of many units in its last place, has the comparison leave out none.
+        # Every pair that may be as near as the upper bound, distance + slack, matters. The second
+        # slack is many units in the last place, so rounding the comparison loses no pair.
         least += 2.0 * progress.deviations
         reach = reach_of(distance, progress.radii, progress.deviations)
         progress.enough = min(progress.enough, least)
@@ -69,7 +69,7 @@ def keep(state, distance, ta, tb, wa, wb, way):
 
 @kernel
 def collect(state, first, second, distance):
-    """Add a row to what is collected."""
+    """Append a row to `state.collected`."""
     collected, n = state.collected, state.progress[0].collected
     collected[n, 0], collected[n, 1], collected[n, 2] = first, second, distance
     state.progress[0].collected = n + 1
@@ -77,7 +77,7 @@ def collect(state, first, second, distance):
 
 @kernel
 def corners(triangles, t):
-    """The three corners of a triangle."""
+    """Return the three corners of a triangle."""
     return (
         (triangles[t, 0], triangles[t, 1], triangles[t, 2]),
         (triangles[t, 3], triangles[t, 4], triangles[t, 5]),
@@ -87,7 +87,7 @@ def corners(triangles, t):
 
 @kernel
 def _both(tree_a, tree_b, state, ta, tb):
-    """The corners of two triangles in a's frame."""
+    """Return the corners of two triangles in a's frame."""
     motion = state.motions[0]
     b = corners(tree_b.triangles, tb)
     b = (moved(motion, b[0]), moved(motion, b[1]), moved(motion, b[2]))
@@ -96,18 +96,18 @@ def _both(tree_a, tree_b, state, ta, tb):
 
 @kernel
 def mixed(triangle, weights):
-    """The point of a triangle with the given weights."""
+    """Return the point of a triangle that has the given barycentric weights."""
     p, q, r = triangle
     return along(along(scaled(p, weights[0]), q, weights[1]), r, weights[2])
 
 
 @shared
 def measure_triangles(tree_a, tree_b, state, ta, tb, bound):
-    """Exact distance of two triangles; keeps it where it is the smallest. Returns it.
+    """Return the exact distance of two triangles; keep it if it is the smallest so far.
 
-    `bound` is a lower bound of it: where it is positive, they certainly do not cross. Where they
-    are as near as others, but in another direction, that is the next to measure along: their
-    neighbours are so too.
+    `bound` is a lower bound of the distance: if it is positive, the triangles certainly do not
+    cross. If the pair ties with the smallest distance, its direction becomes the search direction,
+    because the neighbours of the pair tie as well.
     """
     progress = state.progress[0]
     a, b = _both(tree_a, tree_b, state, ta, tb)
@@ -132,7 +132,7 @@ def measure_triangles(tree_a, tree_b, state, ta, tb, bound):
 
 @kernel
 def nearest_lane(values, lanes):
-    """The lane whose value is smallest among the bits of `lanes`, which is not zero."""
+    """Return the lane with the smallest value among the set bits of `lanes`, which is not zero."""
     best = lowest(lanes)
     lanes &= lanes - 1
     while lanes:

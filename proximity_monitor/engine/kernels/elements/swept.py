@@ -1,8 +1,8 @@
-"""From the cores of two models to the models: triangles swept by balls, and how far they deviate.
+"""Convert distances of two models' cores to distances of the parts that the models stand for.
 
-A model is its triangles, its core, swept by a ball of some radius, and may deviate from what it
-stands for. With R both radii and D both deviations together, a distance d of the cores is one of at
-least d - R - D of the things, and at most d - R + D, or D where the swept cores meet.
+A model is a core (its triangles) swept by a ball of some radius. It may deviate from its part. Let
+R be the sum of both radii and D the sum of both deviations. If the cores are at distance d, the
+parts are at distance d - R - D at least, and d - R + D at most; D at most if the swept cores meet.
 """
 
 from __future__ import annotations
@@ -16,7 +16,10 @@ from ..base.vectors import along, norm, sub
 
 @inlined
 def lower_of(core, radii, deviations):
-    """Lower bound of the things' distance, metres, from one of their cores'; may be negative."""
+    """Return a lower bound of the parts' distance, metres, from that of their cores.
+
+    `core` is a lower bound of the cores' distance. The result may be negative.
+    """
     offset = radii + deviations
     if offset == 0.0:
         return core
@@ -25,7 +28,7 @@ def lower_of(core, radii, deviations):
 
 @inlined
 def upper_of(core, radii, deviations):
-    """Upper bound of the things' distance, metres, from one of their cores'."""
+    """Return an upper bound of the parts' distance, metres, from an upper bound of the cores'."""
     if radii + deviations == 0.0:
         return core
     apart = np.maximum(core - radii + OFFSET_MARGIN * (core + radii), 0.0)
@@ -34,9 +37,9 @@ def upper_of(core, radii, deviations):
 
 @inlined
 def reach_of(core, radii, deviations):
-    """A distance of the cores, metres, up to which others may be as near as one of `core`.
+    """Return the core distance, metres, up to which other pairs may be as near as one at `core`.
 
-    All that meet are: at distance 0.
+    All pairs whose swept cores meet are equally near, at distance 0.
     """
     if radii + deviations == 0.0:
         return core
@@ -45,7 +48,7 @@ def reach_of(core, radii, deviations):
 
 @inlined
 def core_of(limit, radii, deviations):
-    """A distance of the cores, metres, from which on `lower_of` is at least `limit`."""
+    """Return a core distance, metres, from which on `lower_of` is at least `limit`."""
     offset = radii + deviations
     if offset == 0.0:
         return limit
@@ -54,9 +57,10 @@ def core_of(limit, radii, deviations):
 
 @kernel
 def surface_points(p, q, radius_a, radius_b):
-    """Nearest points of two swept models, from the nearest points p and q of their cores.
+    """Return the nearest points of two swept models from the nearest points p and q of their cores.
 
-    Both in one frame, metres. Where the balls around p and q meet, one point of both.
+    All points are in one frame, metres. If the balls around p and q meet, returns one common point
+    twice.
     """
     radii = radius_a + radius_b
     if radii == 0.0:

@@ -1,14 +1,13 @@
 """Exact distance between two triangles, with the points that attain it.
 
-The nearest points of two triangles that do not cross lie on two edges, or on a vertex and a face;
-fifteen candidates, of which the smallest is the answer. Every candidate is the distance between
-two points *of the triangles*, so no rounding can make the answer too small by more than the
-rounding of those points; each is computed so that nearly parallel edges and slivers lose nothing
-(see `accurate_cross`, and MARGIN_A for the whole count). Triangles that cross have an edge of one
-through the other.
+The nearest points of two triangles that do not cross lie on two edges, or on a vertex and a face.
+These are fifteen candidates; the smallest distance is the answer. Every candidate is the distance
+between two points *of the triangles*, so the answer is too small by at most the rounding of these
+points. The computation loses no accuracy on nearly parallel edges or slivers (see `accurate_cross`,
+and MARGIN_A for the full error count). If triangles cross, an edge of one passes through the other.
 
-Degenerate triangles are segments and points: their edges are candidates like any others, and
-their faces, of no area, are left out.
+Degenerate triangles are segments or points. Their edges are candidates like any others. Their
+faces have no area and are left out.
 """
 
 from __future__ import annotations
@@ -23,11 +22,12 @@ from .edges import LANES, edge_pairs
 
 @kernel
 def _approach(s, t, g, d, e, n, nn, dd, ee):
-    """Parameters of two segments' nearest points, seen from s and t where they differ by g.
+    """Return the parameters of two segments' nearest points, starting from s and t.
 
-    The lines' nearest parameter comes from their common normal n: s + det(g, e, n) / |n|². Clamping
-    it, then t given s, then s given t, yields the optimum over the square (Ericson 2005, section
-    5.1.9). A vanishing edge or normal leaves its parameter, which the others then make optimal.
+    g is the difference of the points at s and t. The lines' nearest parameter comes from their
+    common normal n: s + det(g, e, n) / |n|². Clamp it, then find t given s, then s given t: the
+    result is the optimum over the square (Ericson 2005, section 5.1.9). A vanishing edge or normal
+    leaves its parameter unchanged; the other steps then make the result optimal.
     """
     x = clamped(s + dot(cross(g, e), n) / nn) if nn > 0.0 else s
     g = along(g, d, s - x)
@@ -38,11 +38,12 @@ def _approach(s, t, g, d, e, n, nn, dd, ee):
 
 @kernel
 def segments(p, d, q, e):
-    """Nearest points p + s d and q + t e of two segments; returns (s, t, squared distance).
+    """Find the nearest points p + s d and q + t e of two segments; return (s, t, squared distance).
 
-    Where they touch, what rounding did to s and t is not second to the distance. Then the same is
-    asked again from there, where the difference g, and so what rounding does to the answer, is next
-    to nothing (but no normal that would lead far away: along parallels any point is as near).
+    If they touch, the rounding of s and t is not negligible beside the distance. Then repeat the
+    step from the points found. Their difference g is tiny there, and so is the rounding of the new
+    result. The repeated step ignores the normal of nearly parallel edges: it would lead far away,
+    while along parallels any point is as near.
     """
     r, dd, ee = sub(q, p), dot(d, d), dot(e, e)
     n = accurate_cross(d, e)
@@ -60,12 +61,12 @@ def segments(p, d, q, e):
 
 @kernel
 def point_face(p, a, e, f, n, nn):
-    """Foot of p on the triangle a, a + e, a + f with normal n = e × f, nn = |n|² > 0.
+    """Find the foot of p on the plane of triangle a, a + e, a + f, with n = e × f, nn = |n|² > 0.
 
-    Returns (inside, v, w, squared distance to it), the foot being a + v e + w f. First w, the share
-    of the height over e; then v along e from what is left: each is accurate in the direction in
-    which an error would move the foot, also in a needle. Where p touches the plane, the same is
-    asked again from the foot, as for `segments`, and g counts along the normal alone.
+    Returns (inside the triangle, v, w, squared distance to the foot); the foot is a + v e + w f.
+    First find w, the share of the height over e, then v along e from the remainder. Each is
+    accurate in the direction in which its error would move the foot, even in a needle. If p touches
+    the plane, repeat from the foot as in `segments`, and take the distance along the normal alone.
     """
     r, ee = sub(p, a), dot(e, e)
     w = dot(cross(e, r), n) / nn
@@ -83,10 +84,10 @@ def point_face(p, a, e, f, n, nn):
 
 @kernel
 def _pierces(p, q, a, b, c):
-    """Whether the segment p q certainly passes through the inside of the triangle a b c.
+    """Return whether the segment p q certainly passes through the inside of the triangle a b c.
 
-    Where a sign is in doubt they touch in a corner or an edge, or miss each other: then the
-    distances of these tell.
+    If a sign is in doubt, they touch at a corner or an edge, or miss each other. Then the distances
+    of corners and edges give the answer.
     """
     if orientation(a, b, c, p) * orientation(a, b, c, q) >= 0:
         return False
@@ -101,9 +102,9 @@ def _size(v):
 
 @kernel
 def _one_side(a, e, f, p, q, r):
-    """Whether p, q, r certainly lie on one side of the plane of the triangle a, a + e, a + f.
+    """Return whether p, q, r certainly lie on one side of the plane of triangle a, a + e, a + f.
 
-    The margin pays for the plane too: e × f errs by 4 u |e| |f|, which tilts a needle's plane. A
+    The margin covers the plane too: e × f errs by 4 u |e| |f|, which tilts a needle's plane. A
     wrong "no" only costs time.
     """
     n = cross(e, f)
@@ -118,7 +119,7 @@ def _one_side(a, e, f, p, q, r):
 
 @kernel
 def _apart(a, b):
-    """Whether the plane of one of two triangles certainly has the other on one side."""
+    """Return whether the plane of one triangle certainly has the other triangle on one side."""
     if _one_side(b[0], sub(b[1], b[0]), sub(b[2], b[0]), a[0], a[1], a[2]):
         return True
     return _one_side(a[0], sub(a[1], a[0]), sub(a[2], a[0]), b[0], b[1], b[2])
@@ -126,7 +127,7 @@ def _apart(a, b):
 
 @kernel
 def _crossing_edge(a, b):
-    """Which edge of triangle a meets triangle b; -1 where none does."""
+    """Return which edge of triangle a certainly crosses triangle b, or -1 if none does."""
     for i in range(3):
         if _pierces(a[i], a[(i + 1) % 3], b[0], b[1], b[2]):
             return i
@@ -140,11 +141,11 @@ def _volume(a, b, c, d):
 
 @kernel
 def _meeting_point(p, q, t):
-    """Where the segment p q meets the triangle t: its parameter, and weights on t.
+    """Return where the segment p q meets the triangle t: the segment's parameter and weights on t.
 
-    Ratios of signed volumes, taken with twice the precision: in float64 a grazing edge would meet
-    the triangle at points that are a millionth of its length apart. That errs by a share of the
-    edges' lengths cubed, which beside a sliver is more than the volumes are: see `_nearer`.
+    Both are ratios of signed volumes in twice the precision: in float64, the two points computed
+    for a grazing edge could be a millionth of its length apart. The volumes err by a share of the
+    cubed edge lengths. For a sliver that is more than the volumes themselves: see `_nearer`.
     """
     vp, vq = volume(t[0], t[1], t[2], p), volume(t[0], t[1], t[2], q)
     s = clamped(vp / (vp - vq)) if vp != vq else 0.0
@@ -159,16 +160,16 @@ def _meeting_point(p, q, t):
     gap = _apart_by(p, d, s, t, weights)
     room = 4.0 * DOUBLE_EPS
     if gap <= room * room * (dot(p, p) + dot(d, d) + dot(t[0], t[0])):
-        return s, weights  # no farther apart than rounding puts them
+        return s, weights  # rounding alone explains the gap
     return _nearer(p, d, t, s, weights, gap)
 
 
 @kernel
 def _nearer(p, d, t, s, weights, gap):
-    """As `_meeting_point`, from the point at s along d from p on; `gap` is `_apart_by` there.
+    """Improve the result (s, weights) of `_meeting_point`; `gap` is its `_apart_by`.
 
-    The point goes along d by its height over the plane of the triangle, whose nearest point is then
-    found anew; what is nearest of all of these counts.
+    Move the point p + s d along d to the triangle's plane, then find the triangle's point nearest
+    to it. Do so three times and return the nearest pair of points seen.
     """
     e, f = sub(t[1], t[0]), sub(t[2], t[0])
     n = accurate_cross(e, f)
@@ -198,7 +199,7 @@ def _nearer(p, d, t, s, weights, gap):
 
 @kernel
 def _apart_by(p, d, s, t, w):
-    """Squared distance of the point at s along d from p and that of a triangle with weights w."""
+    """Return the squared distance of p + s d and the point of triangle t that has weights w."""
     a, e, f = t[0], sub(t[1], t[0]), sub(t[2], t[0])
     g = along(along(sub(along(p, d, s), a), e, -w[1]), f, -w[2])
     return dot(g, g)
@@ -206,7 +207,7 @@ def _apart_by(p, d, s, t, w):
 
 @kernel
 def _certainly_pierces(p, q, t, margin):
-    """Whether p q meets triangle t for every choice of volumes within `margin` of the computed."""
+    """Return whether p q meets triangle t for all volumes within `margin` of those computed."""
     vp, vq = _volume(t[0], t[1], t[2], p), _volume(t[0], t[1], t[2], q)
     if not ((vp > margin and vq < -margin) or (vp < -margin and vq > margin)):
         return False
@@ -218,10 +219,11 @@ def _certainly_pierces(p, q, t, margin):
 
 @kernel
 def certainly_cross(a, b, slack):
-    """Whether two triangles cross however their corners are moved by `slack`.
+    """Return whether two triangles cross even if each corner moves by up to `slack`.
 
-    A determinant of three edges no longer than L then changes by less than 8 slack L²; what
-    rounding does to it is less than that again, slack being 10 u of the coordinates and more.
+    Such a motion changes a determinant of three edges no longer than L by less than 8 slack L².
+    Rounding changes it by less than as much again, because slack is at least 10 u of the
+    coordinates.
     """
     length = 0.0
     for i in range(3):
@@ -237,7 +239,7 @@ def certainly_cross(a, b, slack):
 
 @kernel
 def _face_weights(p, a, e, f, n, nn):
-    """Barycentric weights of the foot of p on a triangle, none negative, their sum one."""
+    """Return barycentric weights of the foot of p on a triangle: none negative, their sum one."""
     _, v, w, _ = point_face(p, a, e, f, n, nn)
     v, w = clamped(v), clamped(w)
     return max(1.0 - v - w, 0.0), v, w
@@ -245,13 +247,13 @@ def _face_weights(p, a, e, f, n, nn):
 
 @kernel
 def corner_weights(i):
-    """Barycentric weights of a triangle's corner."""
+    """Return the barycentric weights of a triangle's corner i."""
     return (1.0 if i == 0 else 0.0, 1.0 if i == 1 else 0.0, 1.0 if i == 2 else 0.0)
 
 
 @kernel
 def _on_edge(i, s):
-    """Barycentric weights of the point at s along edge i, from corner i to corner i + 1."""
+    """Return barycentric weights of the point at s along edge i, from corner i to corner i + 1."""
     if i == 0:
         return (1.0 - s, s, 0.0)
     if i == 1:
@@ -261,9 +263,10 @@ def _on_edge(i, s):
 
 @kernel
 def _beyond(p, a, n, nn, squared):
-    """Whether p is certainly farther than that from the plane through a with normal n, nn = |n|².
+    """Return whether p is certainly farther than √squared from the plane at a with normal n.
 
-    The product errs by 12 u |p - a| |n| at most, and nn by 17 u. A wrong "no" only costs time.
+    nn is |n|². The inner product errs by at most 12 u |p - a| |n|, and nn by 17 u. A wrong "no"
+    only costs time.
     """
     r = sub(p, a)
     height = abs(dot(r, n)) - 16.0 * DOUBLE_EPS * _size(r) * _size(n)
@@ -272,7 +275,7 @@ def _beyond(p, a, n, nn, squared):
 
 @kernel
 def distance_apart(a, b, limit):
-    """As `triangle_distance`, of triangles that certainly do not cross."""
+    """Do the same as `triangle_distance` for triangles that certainly do not cross."""
     ea = (sub(a[1], a[0]), sub(a[2], a[1]), sub(a[0], a[2]))
     eb = (sub(b[1], b[0]), sub(b[2], b[1]), sub(b[0], b[2]))
     s, t = on_stack(LANES, 0.0), on_stack(LANES, 0.0)
@@ -318,11 +321,11 @@ def distance_apart(a, b, limit):
 
 @kernel
 def triangle_distance(a, b, limit):
-    """Squared distance of two triangles (three corners each), if it is below `limit`.
+    """Find the squared distance of two triangles (three corners each) if it is below `limit`.
 
-    Returns (squared distance, weights on a, weights on b): barycentric coordinates of the nearest
-    points, of a common point where the triangles cross. Not below `limit`: (limit, ...) with
-    weights that mean nothing.
+    Returns (squared distance, weights on a, weights on b). The weights are barycentric coordinates
+    of the nearest points, or of a common point if the triangles cross. If the squared distance is
+    not below `limit`, returns (limit, ...) with weights that mean nothing.
     """
     if limit > 0.0 and not _apart(a, b):
         i = _crossing_edge(a, b)

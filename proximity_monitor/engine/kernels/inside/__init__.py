@@ -1,1 +1,1 @@
-"""Points against a model: the nearest surface, the side, the depth."""
+"""Points against a model: their nearest surface point, their side and their depth."""

@@ -1,20 +1,21 @@
-"""How often a surface that need not be closed winds around a point, with a certified error.
+"""The winding number of a surface that need not be closed, with a certified error.
 
 The generalised winding number w (Jacobson et al. 2013, section 4) is the sum of the solid angles of
-the triangles as seen from the point, over 4 pi. What is far away is taken together as one dipole,
-its area vector N (Barill et al. 2018, "Fast winding numbers for soups and clouds", section 3): with
-q the point, c a cluster's centre, r the radius of a ball around c that holds it and A its area,
+the triangles as seen from the point, over 4 pi. A far cluster of triangles counts as one dipole
+with its area vector N (Barill et al. 2018, "Fast winding numbers for soups and clouds", section 3).
+Let q be the point, c the cluster's centre, r the radius of a ball around c that holds the cluster,
+and A its area:
 
     4 pi w = integral of (x - q) · n / |x - q|³ = N · (c - q) / |c - q|³ + e,
     |e| <= 2 A r / (|c - q| - r)³,
 
-because no derivative of (x - q) / |x - q|³ is longer than 2 / |x - q|³.
+because the derivative of (x - q) / |x - q|³ has a norm of at most 2 / |x - q|³.
 
-How w changes from point to point depends on the edges alone at which the surface is open: the
-gradient of a solid angle is the integral of (x - q) × dx / |x - q|³ around it (the law of Biot and
-Savart), in which edges between two faces cancel. So on a way of length s that does not pass the
-surface, and comes no nearer to these edges, the rim, than d, w changes by at most s L / (4 pi d²),
-L being how long they are. Far from a hole w is nearly whole, and it stays so.
+The rim is the set of open edges of the surface. It alone determines how w changes from point to
+point: the gradient of a solid angle is the integral of (x - q) × dx / |x - q|³ around the triangle
+(law of Biot and Savart), and edges between two faces cancel. Let L be the length of the rim. Along
+a path of length s that does not cross the surface and stays at least d away from the rim, w changes
+by at most s L / (4 pi d²). Far from a hole, w is nearly an integer and stays so.
 """
 
 from __future__ import annotations
@@ -37,41 +38,42 @@ from .visit import ROOM, TO_THE_END, descend
 from .winding import UNKNOWN, ray_steps, winding_number
 
 AREA, RADIUS, LOST, MOMENTS = 6, 7, 8, 9
-"""Moments of what is under a lane: centre and area vector, three each; its area; the radius of a
-ball around the centre; and how far the area vector may be wrong. All in metres."""
+"""Columns of the moments of a lane's triangles, in metres and square metres. First centre and area
+vector, three numbers each; then the area, the radius of a ball around the centre that holds the
+triangles, and the error of the area vector."""
 
 _SHARES = (0.2, 0.02, 0.0)
-"""What the dipoles together may be wrong by, in windings, until a point's side is certain. With 0
-there are none."""
+"""Error allowed to all dipoles together, in windings. The values are tried in turn until the side
+of a point is certain. The last, 0, allows no dipole."""
 
 _NODE_STEPS = 4
-"""Steps that a node's moments take as long as; one triangle's solid angle takes one."""
+"""Cost of a node's moments, in steps; one triangle's solid angle costs one step."""
 
 _FOUR_PI = 4.0 * math.pi
 
 _ROUNDING = 80.0 * DOUBLE_EPS
-"""What a triangle's solid angle may err by, before the arc tangent, as a share of its terms.
+"""Error of a triangle's solid angle before the arc tangent, as a share of the lengths' product P.
 
-With P the product of the three lengths: the differences err by u, each of the six products of the
-determinant by 9 u P more at most, together below 18 u P; each of the four terms of the denominator
-by 12 u P, and their sum by 12 u P: below 64 u P. Together less than 80 u P.
+P is the product of the three lengths. The differences err by u. Each of the six products of the
+determinant errs by 9 u P more at most, together below 18 u P. Each of the four terms of the
+denominator errs by 12 u P, and their sum by 12 u P: below 64 u P. Together less than 80 u P.
 """
 
 _LEAST_PRODUCT = 1e-250
-"""Cubic metres below which the lengths' product would lose digits, as it nears the subnormals."""
+"""Below this, cubic metres, the lengths' product nears the subnormals and would lose digits."""
 
 _PRECISE = 128.0 * DOUBLE_EPS * DOUBLE_EPS
-"""The same of the determinant alone with twice the precision: it errs by 32 u² of its six products
-(see `precise.orientation`), whose magnitudes are together at most 3 P."""
+"""Error of the determinant alone in twice the precision, as a share of P. It errs by 32 u² of its
+six products (see `precise.orientation`), whose magnitudes sum to at most 3 P."""
 
 _LEAST_PAIR = 1e-200
-"""Square metres that the lengths' products by twos have at least then: what is lost of a number
-below the smallest ones is far less than that error."""
+"""Least product, square metres, of any two of the lengths for which _PRECISE holds. Above it, the
+loss through underflow is far less than that error."""
 
 
 @kernel
 def _solid_angle(p, triangle):
-    """Half the solid angle of a triangle seen from p, and how far it may be wrong.
+    """Return half the solid angle of a triangle seen from p, and its error.
 
     Van Oosterom and Strackee 1983, "The solid angle of a plane triangle", equation 8.
     """
@@ -84,20 +86,20 @@ def _solid_angle(p, triangle):
     if not (product > _LEAST_PRODUCT and size > 4.0 * error):
         return 0.0, math.pi
     if below < 0.0 and abs(above) <= error:
-        # Close to the triangle: on the wrong side of it the angle would be -pi instead of pi.
+        # p is close to the triangle: a wrong sign would give -pi instead of pi.
         above = volume(*triangle, p)
         least = product / max(la, max(lb, lc))
         if not (abs(above) > _PRECISE * product and least > _LEAST_PAIR):
             return 0.0, math.pi
-    # No arc is longer than pi / 2 of its sine.
+    # Up to a right angle, an angle is at most pi / 2 times its sine.
     return np.arctan2(above, below), 1.6 * error / (size - error) + 16.0 * DOUBLE_EPS
 
 
 @kernel
 def _winding(tree, moments, p, share, stack):
-    """The winding number of a surface around p, how far it may be wrong, and the steps it took.
+    """Return the winding number of a surface around p, its error, and the steps used.
 
-    At most `share` of the error is due to dipoles.
+    Dipoles contribute at most `share`, in windings, to the error.
     """
     total, lost, steps = 0.0, 0.0, 0
     whole = 0.0
@@ -141,7 +143,7 @@ def _winding(tree, moments, p, share, stack):
 
 @kernel
 def _from_rim(region, p):
-    """A distance that no open edge is nearer than, a hundredth too short; and the steps it took."""
+    """Return a lower bound of p's distance to the rim, reduced by 1 %, and the steps used."""
     stack, bounds = on_stack(ROOM, np.int32(0)), on_stack(ROOM, 0.0)
     found = on_stack(WIDTH, np.float32(0.0))
     away, near, top = begin_nearest(region.rim_tree, p, 0, stack, bounds)
@@ -153,20 +155,20 @@ def _from_rim(region, p):
 
 
 def is_outside(tree, region, p, radius, q, slack, stack):
-    """As `surely_outside`: a stub, as only meshes have holes."""
+    """Stub of `surely_outside`, because only meshes have holes."""
 
 
 def half_side(tree, region, p, least, slack, stack):
-    """As `side_of` where the inside is HALF: a stub."""
+    """Do the same as `side_of` if the inside is HALF. A stub."""
 
 
 @implements(is_outside, MeshTree)
 @shared
 def surely_outside(tree, region, p, radius, q, slack, stack):
-    """Whether q lies outside a solid with holes, as does all near p on q's side; and the steps.
+    """Return whether q and all points reached from q are certainly outside; and the steps used.
 
-    Near p is what is within `radius`. q is the end of a way inside that ball, of at most four of
-    its radii, that does not pass the surface.
+    The solid has holes. A point is reached if a path from q to it stays in the ball of `radius`
+    around p, does not cross the surface and is at most four radii long.
     """
     rim, steps = _from_rim(region, p)
     rim -= radius + 2.0 * slack
@@ -185,7 +187,7 @@ def surely_outside(tree, region, p, radius, q, slack, stack):
 
 @inlined
 def _beyond(region, p):
-    """How far outside the ball and the box of a solid a point is; or minus how far inside both."""
+    """Return how far p is outside a solid's ball or box; if p is in both, minus how far inside."""
     ball, box = region.ball, region.box
     beyond = norm((p[0] - ball[0], p[1] - ball[1], p[2] - ball[2])) - ball[3]
     square = 0.0
@@ -199,9 +201,9 @@ def _beyond(region, p):
 @implements(half_side, MeshTree)
 @kernel
 def _half(tree, region, p, least, slack, stack):
-    """As `side_of` says."""
+    """Do the same as `side_of`."""
     beyond = _beyond(region, p)
-    outer = beyond - slack  # so far around it nothing is inside, whatever winds around it
+    outer = beyond - slack  # if positive, no point within this distance of p is inside
     if outer > least:
         return -1, outer, 1
     rim, steps = _from_rim(region, p)
@@ -212,8 +214,8 @@ def _half(tree, region, p, least, slack, stack):
         sure = abs(abs(winding) - 0.5) - error
         if sure <= 0.0:
             continue
-        # On a way of length s it changes by at most s L / (4 pi rim (rim - s)), the integral of L /
-        # (4 pi (rim - t)²): this s makes it as much as is sure.
+        # Along a path of length s, w changes by at most s L / (4 pi rim (rim - s)), the integral of
+        # L / (4 pi (rim - t)²). `clear` is the s for which this equals `sure`.
         clear = rim * (rim / (rim + region.rim / (_FOUR_PI * sure))) * (1.0 - 1e-9)
         clear = min(clear, least)
         side = 1 if abs(winding) > 0.5 else -1
@@ -225,20 +227,20 @@ def _half(tree, region, p, least, slack, stack):
 
 @kernel
 def side_of(tree, region, p, least, slack, stack, gaps):
-    """On which side of a surface a point lies, and how far around it all points do.
+    """Find on which side of a surface p lies, and how far around p all points lie on that side.
 
     Args:
-        tree: its hierarchy.
-        region: where it has an inside.
-        p: in its frame, metres.
-        least: metres, above `slack`: the surface is no nearer.
-        slack: metres; the side is that of every point within so much of p.
-        stack: room for a descent.
-        gaps: room for a node's lanes.
+        tree: the surface's hierarchy.
+        region: its Region.
+        p: in the surface's frame, metres.
+        least: metres, above `slack`: a lower bound of p's distance to the surface.
+        slack: metres; the side holds for every point within `slack` of p.
+        stack: scratch for a descent.
+        gaps: scratch for a node's lanes.
 
     Returns:
-        1 inside, -1 outside, or 0 where neither is certain; metres, 0 then; and how many steps it
-        took.
+        1 inside, -1 outside, or 0 if uncertain; the distance around p with the same side, metres (0
+        if uncertain); and the steps used.
     """
     if region.inside == HALF:
         return half_side(tree, region, p, least, slack, stack)
@@ -250,11 +252,11 @@ def side_of(tree, region, p, least, slack, stack, gaps):
 
 @allocating_entry
 def moments_of(triangles, children, ranges):
-    """The moments of what is under every lane, (k, MOMENTS).
+    """Return the moments of the triangles under every lane, (k, MOMENTS).
 
     Args:
         triangles: (m, 9) metres, tree order.
-        children: (k,) as in Tree.
+        children: (k,) as in MeshTree.
         ranges: (nodes, 2) the triangles under each node: first, and one after the last.
     """
     moments = np.zeros((len(children), MOMENTS))

@@ -1,15 +1,15 @@
-"""The largest ball inside two solids: a search of space, best first.
+"""Find the largest ball inside two solids: a best-first search of space.
 
-Let F(x) be the smaller of a point's depths in both solids. A ball around x of radius F(x) lies in
-both, and none around x is larger. Cells of space are kept in a heap by a bound of F; the one with
-the largest is looked into: F at its centre, which with half its diagonal bounds F in it, and planes
-above which a solid has nothing (`ball_caps`), of which any two together bound F as well
-(`ball_rows`). A cell that may hold a larger ball is halved, and its halves inherit the planes. What
-is found is improved by an ascent. Whatever stops the search, no ball is larger than the largest
-bound that is left, or was pruned.
+Let F(x) be the smaller of a point's depths in both solids. The ball around x of radius F(x) is the
+largest around x that lies in both. A heap keeps cells of space by an upper bound of F. The search
+examines the cell with the largest bound. F at its centre plus half the cell's diagonal bounds F in
+the cell. Planes above which a solid has nothing (`ball_caps`) bound F as well, any two together
+(`ball_rows`). A cell that may hold a larger ball's centre is halved; the halves inherit the planes.
+An ascent improves every ball found. Whatever stops the search, no ball is larger than the largest
+bound of a cell in the heap or of a pruned cell.
 
-Faces pushed into each other are bounded by one plane each, wherever the centre is; so cells are cut
-along the line through both nearest points of the largest ball found.
+If faces are pushed into each other, one plane bounds each solid, wherever the centre is. So the
+cells are aligned with the line through both nearest points of the largest ball found.
 """
 
 from __future__ import annotations
@@ -33,40 +33,41 @@ from .ball_trial import ascend, begin_climb, end_climb, end_newton, keep, try_po
 from .solid_table import solid_at
 
 _SPARE = 0.1
-"""Share of what is tolerated that a plane may give away, to be found sooner."""
+"""Share of the tolerance by which a plane may lie too high, so that it is found sooner."""
 
 _MOST = 0.5
-"""Share of the largest ball's radius up to which a plane that lies above the nearest point of the
-surface is of use."""
+"""Share of the largest ball's radius. A plane is useless if it lies above the nearest point of the
+surface by more than this."""
 
 _CELL_STEPS = 8
-"""What a cell costs beside its descents, in steps of these."""
+"""Cost of a cell besides its descents, in steps."""
 
 _MIDDLE_STEPS = 128
-"""Steps that the middle of both models may take. Nearly all of a ball's surface is nearest to its
-centre, and to look at it all would take longer than to compare the surfaces."""
+"""Maximum number of steps for the middle of both models. If a model is a ball, nearly all of its
+surface is nearest to the middle, and examining it takes longer than comparing the surfaces."""
 
 
-# What follows is asked of one of two solids. Where their hierarchies are of one type it is one of
-# these that is chosen; else there are two calls, each with the one twice.
+# The next three functions work on solid k of two. For trees of the same type (`_alike`), the
+# implementation selects the tree at run time. For trees of different types (`_unlike`), it has two
+# calls of `_alike`, each with one tree passed twice.
 
 
 def _plane(
     tree_a, tree_b, region_a, region_b, k, behind, point, centre, half, spare, state, row
 ):  # fmt: skip
-    """Find a plane of solid k for a cell, as `plane` does, seen from a point: a stub.
+    """Find a plane of solid k for a cell, seen from `point`, as `plane` does. A stub.
 
-    Or from a point so far behind that one that the other face of what is thin, too thin for a
-    larger ball, is nearer than this one.
+    If `behind`, the plane is seen from a point behind `point`. It is so far behind that, if the
+    solid is too thin there for a larger ball, its opposite face is nearer than the face at `point`.
     """
 
 
 def _sound_trial(tree_a, tree_b, region_a, region_b, k, state, steps):
-    """Go on to find the trial point's depth in solid k; returns how many steps are left: a stub."""
+    """Continue to find the trial point's depth in solid k; return the steps left. A stub."""
 
 
 def _tangent(tree_a, tree_b, k, state, centre, half, row):
-    """Find a row for the cell around the trial point, as `tangent` does: a stub."""
+    """Find a row for the cell around the trial point, as `tangent` does. A stub."""
 
 
 @shared
@@ -83,7 +84,7 @@ def _plane_of_alike(
     if not at.radius > 0.0:
         most = 0.5 * np.sqrt(half[0] * half[0] + half[1] * half[1] + half[2] * half[2])
     if at.cells > 0:
-        # A plane that lies higher does not help to prune, even if the other one costs nothing.
+        # A plane higher than this cannot prune the cell, even with the other solid's best plane.
         trial = state.trial[0]
         rise = 2.0 * limit - trial.depth[0] - trial.depth[1]
         most = min(most, max(rise, 2.0 * spare))
@@ -159,7 +160,7 @@ for _kind in (SurfaceTree, RevolutionTree):
 
 @shared
 def _begin_cells(tree_a, tree_b, region_a, region_b, state):
-    """Put the cuboid around all that both models share into an empty heap; returns steps."""
+    """Put the cuboid around the region that both models share into an empty heap; return steps."""
     at, best = state.at[0], state.best[0]
     at.size = 0
     at.dropped = 0.0
@@ -191,23 +192,23 @@ def _begin_cells(tree_a, tree_b, region_a, region_b, state):
 
 @kernel
 def _try_centre(state, task, centre, near, inherited):
-    """Make the centre of a cell, in the search's frame, the trial point."""
+    """Make a cell's centre, given in the search's frame, the trial point."""
     x, y, z = in_a_frame(state.at[0].axes, centre)
     try_point(state, task, x, y, z, near, inherited, 0.0)
 
 
 @kernel
 def _begin_cell(state):
-    """Begin to look into the cell with the largest bound, which stays in the heap meanwhile."""
+    """Begin to examine the cell with the largest bound; it stays in the heap meanwhile."""
     cell = state.cells[state.order[0]]
     _try_centre(state, CELL_CENTRE, cell.centre, cell, True)
 
 
 @kernel
 def _compare_with_middle(tree_a, tree_b, region_a, region_b, state):
-    """Try the middle of all that both models share, before a ball is improved where it is.
+    """Make the middle of the region that both models share the trial point, before the next ascent.
 
-    Where they overlap a little, a ball at the rim grows by small steps, if its centre climbs.
+    If the models overlap a little, an ascent from a ball at the region's rim takes small steps.
     """
     at, best = state.at[0], state.best[0]
     at.trusted = 0.0
@@ -219,7 +220,7 @@ def _compare_with_middle(tree_a, tree_b, region_a, region_b, state):
 
 @kernel
 def _depth_in_cell(region_a, region_b, k, state):
-    """Bound of the depth in solid k of all of the cell whose centre is the trial point."""
+    """Return a bound of the depth in solid k over the cell whose centre is the trial point."""
     at, half = state.at[0], state.cells[state.order[0]].half
     radius = np.sqrt(half[0] * half[0] + half[1] * half[1] + half[2] * half[2])
     inside = region_a.inside if k == 0 else region_b.inside
@@ -228,7 +229,7 @@ def _depth_in_cell(region_a, region_b, k, state):
 
 @shared
 def _end_cell(tree_a, tree_b, region_a, region_b, state):
-    """Bound the cell whose centre's depths are known, and halve it; returns the steps it took."""
+    """Bound the cell whose centre's depths are known, and halve it; return the steps used."""
     at, trial = state.at[0], state.trial[0]
     depths = on_stack(2, 0.0)
     for k in range(2):
@@ -285,7 +286,7 @@ def _end_cell(tree_a, tree_b, region_a, region_b, state):
 
 @kernel
 def _go_behind(point, k, behind, state):
-    """Make the probe a point so far behind another one, seen from the surface of solid k."""
+    """Move the probe to the point `behind` metres beyond `point`, away from solid k's surface."""
     probe = state.probe[0]
     for i in range(3):
         probe.place[i] = point.place[i] + behind * point.way[k, i]
@@ -296,9 +297,9 @@ def _go_behind(point, k, behind, state):
 
 @shared
 def _go_on(tree_a, tree_b, region_a, region_b, state, steps):
-    """Find out more about the trial point, and what it is for; returns how many steps are left."""
+    """Find the trial point's depths, then do the task it is for; return the steps left."""
     at = state.at[0]
-    # The solid first in which the cell was less deep before: that may be enough.
+    # Begin with the solid in which the parent cell was less deep: its depth alone may prune.
     first = state.cells[state.order[0]].first if at.task == CELL_CENTRE else 0
     while at.turn < 2:
         if steps <= 0:
@@ -324,7 +325,7 @@ def _go_on(tree_a, tree_b, region_a, region_b, state, steps):
         elif (
             at.task == SEED and not certain_depth(state.trial[0], k, at.swept, at.slack) > at.radius
         ):
-            at.task = IDLE  # it is the centre of no larger ball, whatever the other depth
+            at.task = IDLE  # one depth rules out a larger ball around the seed
             return steps
     task = at.task
     at.task = IDLE
@@ -342,15 +343,16 @@ def _go_on(tree_a, tree_b, region_a, region_b, state, steps):
 
 
 KIND_A = KIND_B = MeshTree
-"""The kinds of both trees: others in other entries (see pairs/balls.py)."""
+"""The kinds of both trees. Other entries substitute other kinds (see pairs/balls.py)."""
 
 
 @entry
 def search_ball(solids, memory, seeds_alone, steps):
-    """Go on with a search for at most about `steps` steps; returns ENDED, CUT or FULL.
+    """Continue a search for about `steps` steps at most; return ENDED, CUT or FULL.
 
-    `solids` (2, n, 2) are tables of two (see solid_table.py), `memory` that of the search. With
-    `seeds_alone` it ends when a ball is found, or no seed is left.
+    `solids` (2, n, 2) are the tables of both solids (see solid_table.py), `memory` is the search's
+    table. With `seeds_alone`, the search tries the seeds only, and ends when it has found a ball or
+    when no seed is left.
     """
     tree_a, _, region_a = solid_at(KIND_A, solids[0])
     tree_b, _, region_b = solid_at(KIND_B, solids[1])
@@ -375,7 +377,7 @@ def search_ball(solids, memory, seeds_alone, steps):
         elif seeds_alone:
             return ENDED
         elif not at.begun and at.radius > 0.0 and at.ceiling <= limit_of(at):
-            return ENDED  # whatever the cells would tell, it is not asked for
+            return ENDED  # the cells can no longer improve the answer beyond the tolerance
         elif not at.begun or (at.radius > 0.0 and not at.framed):
             at.begun = True
             if at.radius > 0.0:

@@ -1,4 +1,4 @@
-"""How a search for the largest ball begins."""
+"""Begin a search for the largest ball inside two solids."""
 
 from __future__ import annotations
 
@@ -18,26 +18,29 @@ from .solids import HALF, NOWHERE
 from .tolerance import LOOSEST
 
 _TELLING = 1e-6
-"""Share of both models' size that a bound may be above 0 where there is no ball, and one of them
-has holes: there no plane bounds a depth, and the winding number's side is never told to the end."""
+"""Share of both models' size. If one solid has holes and there is no ball, the upper bound may stay
+above 0 by this much: near a hole no plane bounds a depth, and the winding number never decides the
+side of every point."""
 
 _TRUSTED = 0.5
-"""Share of the last ball's radius. Where its centre is that of a ball so large, it is good to begin
-with; else it may lie far from the largest ball, as where bodies slid along each other."""
+"""Share of the last ball's radius. If the last centre is now the centre of a ball this large, it is
+a good start. If not, it may be far from the largest ball, because the bodies slid along each other.
+"""
 
 
 KIND_A = KIND_B = MeshTree
-"""The kinds of both trees: others in other entries (see pairs/balls.py)."""
+"""The kinds of both trees. Other entries substitute other kinds (see pairs/balls.py)."""
 
 
 @entry
 def begin_ball(solids, memory, pose_a, pose_b, rel_err, abs_err):
-    """Start a search; the centre of the ball that the last one found is its first seed.
+    """Start a search; its first seed is the centre of the ball that the last search found.
 
-    The next is the middle of what both models share. Mostly it lies inside both where they overlap,
-    so that their surfaces need not be compared.
+    The next seed is the middle of the region that both models share. If they overlap, it mostly
+    lies inside both, and then their surfaces need not be compared.
 
-    `solids` (2, n, 2) are tables of both (see solid_table.py), `memory` that of the search.
+    `solids` (2, n, 2) are the tables of both solids (see solid_table.py), `memory` is the search's
+    table.
     """
     tree_a, _, region_a = solid_at(KIND_A, solids[0])
     tree_b, _, region_b = solid_at(KIND_B, solids[1])
@@ -83,7 +86,7 @@ def begin_ball(solids, memory, pose_a, pose_b, rel_err, abs_err):
 
 @kernel
 def add_seed(state, place):
-    """Put a point of a's frame on the list of those to begin with, if there is room."""
+    """Append a point of a's frame to the seeds, if there is room."""
     at = state.at[0]
     if at.seeds < state.seeds.shape[0]:
         for i in range(3):
@@ -93,10 +96,11 @@ def add_seed(state, place):
 
 @kernel
 def _largest(region_a, region_b, at, apart):
-    """The radius that no ball in both models exceeds, whose balls' centres are `apart` metres.
+    """Return an upper bound of the radius of a ball in both models.
 
-    A point is no deeper than below the surface of the ball around the model; without an inside, no
-    deeper than the sweep; and a solid with holes may be open to all that its ball holds.
+    The centres of the balls around both models are `apart` metres apart. A point of a model is no
+    deeper than its depth in the ball around the model. If the model has no inside, it is no deeper
+    than the swept radius. If the model has holes, the depth may reach the diameter of its ball.
     """
     a, b = region_a.ball[3] + at.swept[0], region_b.ball[3] + at.swept[1]
     if apart > a + b:

@@ -1,28 +1,28 @@
-"""Bowls between which both solids lie: a bound of depths where two surfaces are nearly parallel.
+"""Bound depths by bowls (paraboloids) if the surfaces of both solids are nearly parallel in a cell.
 
-A plane above a surface that bends (`ball_caps`) lies too high by the sag of the surface: cells
-between two sheets had to be so small that it did not matter. But where both sheets bend alike,
-their gap changes slowly. Let c be the centre of a cell, n a unit vector that is about normal to
-both surfaces, and c + y + h n a point, with y perpendicular to n. No point of the surface of a
-within R of c is higher than a paraboloid, its bowl,
+A plane above a bent surface (`ball_caps`) lies too high by the sag of the surface. With planes
+alone, cells between two sheets would have to be so small that the sag does not matter. But if both
+sheets bend alike, their gap changes slowly. Let c be the centre of a cell, n a unit vector that is
+about normal to both surfaces, and c + y + h n a point, with y perpendicular to n. The bowl of a is
+a paraboloid above all points of the surface of a within R of c:
 
     q(y) = H + g · y + y · K y / 2.
 
-Let |y| <= L all over the cell, and let T be no less than any |h| in it, nor than q where |y| <= L;
-and R² >= L² + T². Then what lies above the bowl, with |y| <= L and h <= T, is of one piece: every
-point of it leads upwards to a disc. It holds no surface, so all of it is outside where one point
-is. Hence a point of the cell that is inside lies below the bowl, and no deeper than q(y) - h. The
-same holds of b along -n, with the same K:
+Let L bound |y| in the cell. Let T bound |h| in the cell, and also q for |y| <= L. Let
+R² >= L² + T². Then the region above the bowl with |y| <= L and h <= T is connected, because every
+point of it leads upwards to the disc h = T. It holds no surface. So if one point of it is outside,
+all of it is. Hence a point of the cell that is inside lies below the bowl and is no deeper than
+q(y) - h. The same holds for b along -n, with the same K:
 
     f_a <= H_a + g_a · y + y · K y / 2 - h,     f_b <= H_b - g_b · y - y · K y / 2 + h.
 
-The smaller of both is no more than their mean, (H_a + H_b + (g_a - g_b) · y) / 2. That is linear,
-so it is a row as any other (`ball_rows`); and what both surfaces bend alike is not charged for.
-Whatever n, g and K are, it holds. It is tightest where they are what the surfaces have in common:
-their normals and their second derivatives at the feet of c.
+The smaller depth is at most their mean, (H_a + H_b + (g_a - g_b) · y) / 2. The mean is linear, so
+it is a row like any other (`ball_rows`), and the common bend of both surfaces cancels. This holds
+for any n, g and K. The bound is tightest if they match the surfaces: the common normal, the slopes,
+and the mean second derivatives at the feet of c.
 
-Rounding: heights over c err as those of planes do, by less than PLANE slacks. Slopes g and bends
-K R are no more than one half each, so that n - g - K y is shorter than 2.
+Rounding: heights over c err by less than PLANE slacks, like those of planes. Slopes g and bends
+K R are at most one half each, so n - g - K y is shorter than 2.
 """
 
 from __future__ import annotations
@@ -56,21 +56,21 @@ Bowl = namedtuple(
     "Bowl",
     "place slack normal rise sink radius near top spare fine first second bend_1 bend_2",
 )
-"""The query for H, as `Cap` is that for a height over a plane.
+"""The query for H, like `Cap` for a height over a plane.
 
-The height of a point d from the place is rise n · d less half the sum of each bend times the square
-of d's part along its axis, `first` or `second`, unit vectors. `sink` is the most that this adds to
-rise n · d within the radius, metres."""
+Let d be a point's offset from the place. Its height is rise n · d - (bend_1 s² + bend_2 t²) / 2,
+where s and t are the components of d along the unit vectors `first` and `second`. Within the
+radius, the bends add at most `sink` metres to rise n · d."""
 
 _STEEPEST, _MOST_BENT = 0.5, 0.5
-"""Of slopes g, and of bends times R."""
+"""Largest slope g, and largest product of a bend and R, that are used."""
 
 _FINE_ROOM = 0.1
-"""Share of the room under the limit, as `FINE_TOP` of planes."""
+"""Share of the room under the limit; for bowls what `FINE_TOP` is for planes."""
 
 PART = 0.5
-"""Share of a row's change over a cell with which it has to be below the limit: then it prunes the
-cell or about half of its parts."""
+"""The value of a row at the cell's centre, plus this share of its change over the cell, must be
+below the limit. Then the row prunes the cell or about half of its parts."""
 
 
 @implements(visit.lane_gaps, Bowl)
@@ -89,7 +89,7 @@ def _limit(query, answer):
 
 @kernel
 def height_over(query, d):
-    """The height of a point d from the place: what H may not be below."""
+    """Return the height of the point at offset d from the place; H must be at least as high."""
     s, t = dot(query.first, d), dot(query.second, d)
     straight = query.rise * dot(query.normal, d)
     return straight - 0.5 * (query.bend_1 * s * s + query.bend_2 * t * t)
@@ -97,10 +97,10 @@ def height_over(query, d):
 
 @shared
 def _bowl_height(tree, motion, point, up, slope, axes, bends, sizes, clear, slack, stack):
-    """H of a solid: a bound, and the steps that it took.
+    """Return an upper bound of H of a solid, and the steps used.
 
-    Infinity where nothing tells that the solid is below the bowl. `sizes` are the radius R, the
-    height above which H is of no use, the height below which it need not be, and `fine`.
+    The bound is infinite if the solid is not proven to be below the bowl. `sizes` holds the radius
+    R; the height above which H is useless; the least height of interest; and `fine` (see `Cap`).
     """
     bounds, gaps = on_stack(ROOM, 0.0), on_stack(WIDTH, np.float32(0.0))
     o, n = moved(motion, point), rotated(motion, up)
@@ -127,22 +127,22 @@ def _bowl_height(tree, motion, point, up, slope, axes, bends, sizes, clear, slac
 
 
 def bowls(tree_a, tree_b, region_a, region_b, state, centre, half, limit, spare, row):
-    """Find a row for a cell of the search's frame, where both surfaces are nearly parallel: a stub.
+    """Find a row for a cell of the search's frame if both surfaces are nearly parallel. A stub.
 
     Args:
-        tree_a: of a.
-        tree_b: of b.
-        region_a: its Region.
-        region_b: its Region.
-        state: Ball; its trial point is the centre.
+        tree_a: the tree of a.
+        tree_b: the tree of b.
+        region_a: the Region of a.
+        region_b: the Region of b.
+        state: Ball; its trial point is the cell's centre.
         centre: (3,) of the cell.
-        half: (3,) its half lengths.
-        limit: metres: nothing is looked for that would not bring the bound about below it.
-        spare: metres that a bowl may lie above what is there.
-        row: (4,) of `CELL.rows`; written where there is one.
+        half: (3,) half lengths of the cell.
+        limit: metres; a row that cannot bring the bound roughly below it is not sought.
+        spare: metres by which a bowl may lie above its surface.
+        row: (4,) of `CELL.rows`; written if a row is found.
 
     Returns:
-        Whether there is one, and the steps that it took.
+        Whether a row was found, and the steps used.
     """
 
 
@@ -170,7 +170,7 @@ def _bowls(tree_a, tree_b, region_a, region_b, state, centre, half, limit, spare
     h, g1, g2 = _at_middle(d, g, k1, k2, c, s)
     h_b, g1_b, g2_b = _at_middle(d_b, g_b, k1, k2, c, s)
     steepest = max(np.hypot(g1, g2), np.hypot(g1_b, g2_b))
-    # The row is v · y over the cell's middle, and changes by so much over all of it.
+    # Relative to the cell's middle, the row is v · y. It changes by at most `change` in the cell.
     v = along(scaled(e, 0.5 * (g1 - g1_b)), f, 0.5 * (g2 - g2_b))
     change = 0.0
     for i in range(3):
@@ -178,7 +178,7 @@ def _bowls(tree_a, tree_b, region_a, region_b, state, centre, half, limit, spare
     room = 2.0 * (limit - PART * change) - (h - h_b)
     if not room > 0.0 or not steepest < _STEEPEST:
         return False, 1
-    # How far the cell reaches, and how high the bowls do.
+    # How far the cell reaches perpendicular to n (`aside`), and how high cell and bowls reach.
     yn = (along_axis(at.axes, 0, n), along_axis(at.axes, 1, n), along_axis(at.axes, 2, n))
     aside = beside(yn, half) * (1.0 + 1e-12)
     high = abs(yn[0]) * half[0] + abs(yn[1]) * half[1] + abs(yn[2]) * half[2]
@@ -212,9 +212,10 @@ def _bowls(tree_a, tree_b, region_a, region_b, state, centre, half, limit, spare
 
 @kernel
 def _at_middle(d, g, k1, k2, c, s):
-    """The height over the middle, and the slopes there, of a bowl that touches a surface's foot.
+    """Return height and slopes at the cell's middle of the bowl that touches a surface at its foot.
 
-    It is d from the middle, its slopes are g there; those along the axes of the bends are returned.
+    The foot is at offset d from the middle and has slopes g. The returned slopes are along the axes
+    of the bends.
     """
     y1, y2 = c * d[0] + s * d[1], c * d[1] - s * d[0]
     g1, g2 = c * g[0] + s * g[1] - k1 * y1, c * g[1] - s * g[0] - k2 * y2

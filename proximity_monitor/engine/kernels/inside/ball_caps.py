@@ -1,25 +1,27 @@
-"""Planes above which a solid surely has nothing: what bounds depths in a cell of space.
+"""Bound depths in a cell of space by planes above which a solid certainly has nothing.
 
-Let o be a point, n a direction, and no point y of the surface within R of o higher along n than
-H = max n · (y - o). The part of that ball above H holds no surface, hence lies on one side of it.
-If that is outside, a point x below the plane, whose foot on it lies in the ball, is no deeper than
-it is below the plane:
+Let o be a point, n a direction and R a radius. Let y run over the points of the surface within R of
+o, and H = max n · (y - o). The part of the ball above H (the cap) holds no surface, so it lies on
+one side of it. If that side is outside, a point x below the plane whose foot on the plane lies in
+the ball is no deeper than it is below the plane:
 
     f(x) <= H - n · (x - o) + r,
 
-because on the way along n from x inside to what is above the plane the surface is passed. A point x
-above the plane, if it is in the ball, lies outside: what the plane says of it is less than its
-depth may be, but a search for balls asks for nothing that is not above 0. What a ball of radius r
-sweeps needs more where x is above the plane: x may lie outside the core, as far from it as the
-plane says, if the surface beyond R is no nearer. Without an inside there is no side to ask for. Of
-a solid with holes, sides change without a surface; but far from the holes they do so little that a
-point outside stays so on every way there.
+because the way along n from x, if x is inside, to the cap crosses the surface. A point x above the
+plane and in the ball is outside. There the plane's value may be less than the depth, but both are
+below 0, and a search for balls needs no depth that is not above 0.
+
+If the solid is swept by a radius r, a point x above the plane may have a depth above 0. Its
+distance from the core is at least what the plane tells only if the surface beyond R is no nearer,
+so R must be larger. If the core has no inside, the side needs no test. If the solid has holes, the
+side can change without crossing a surface. But far from the holes the winding number changes so
+little that a point outside stays outside on every path in the cap.
 
 Rounding, with s the slack of a depth (32 u S for a share of 21 u S): o is the image of a point of
-a's frame, wrong by less than s; n is a unit vector but for 4 u, which is 4 u (H - n (x - o)) <= s;
-heights of corners err by 8 u S <= s. Turned into the search's frame n errs by 12 u an entry, the
-product with o and with x by 8 u S each: 2 s. PLANE is above that count; what is made of planes has
-a slack of its own (`ball_rows`).
+a's frame and errs by less than s. n is a unit vector up to 4 u, which gives 4 u (H - n (x - o)) <=
+s. Heights of corners err by 8 u S <= s. In the search's frame n errs by 12 u an entry, and its
+products with o and with x by 8 u S each: 2 s. PLANE exceeds this count. Combinations of planes have
+a slack of their own (`ball_rows`).
 """
 
 from __future__ import annotations
@@ -57,27 +59,28 @@ from .visit import BEYOND, ROOM, at_root, descend
 from .winding import ray_steps, winding_number
 
 PLANE = 8.0
-"""Slacks by which a plane is raised."""
+"""A plane is raised by this number of slacks."""
 
 STEPS = 96
-"""Steps of a descent that a plane may take; else there is none."""
+"""Maximum number of steps of the descent for a plane. If it needs more, there is no plane."""
 
 CLEAR = 16.0
-"""Slacks above a plane at which its side is asked for."""
+"""The side of a cap is tested this number of slacks above its plane."""
 
 
 FINE_SPARE, FINE_TOP = 0.25, 0.02
-"""Shares of what a plane may give away, and of the height up to which it is of use: so much higher
-than its points an element's control points may count as."""
+"""Shares of the height that a plane may give away, and of the height up to which it is of use. The
+larger of both heights is `Cap.fine`."""
 
 Cap = namedtuple("Cap", "place slack normal radius near top spare fine")
-"""The query how high along a unit vector over its place the surface reaches within a radius, metres
-and, float32, node units; the answer is the height, metres. Above `top` it does not matter, nor
-whether it is less than `spare`. A bound of a part may be above its points by `fine`."""
+"""The query for the largest height of the surface along `normal` over `place`, within `radius`. The
+answer is the height, metres. `near` is the radius in node units, float32. A height above `top` is
+of no use; a height below `spare` need not be known better. The bound of a part may exceed its
+points by `fine`: then the control points of an element count instead of its points."""
 
 
 def leaf_steps(tree):
-    """Steps that what a step meets takes as long as, on average: a stub."""
+    """Return the average cost of a step of a descent, in steps. A stub."""
 
 
 @implements(leaf_steps, MeshTree)
@@ -88,9 +91,9 @@ def _one(tree):
 
 @loop16
 def cap_gaps(nodes, base, x, y, z, nx, ny, nz, radius, margin, gaps):
-    """Minus the largest height along a unit vector over (x, y, z) that each lane may have.
+    """Write minus the largest height that each lane may have along (nx, ny, nz) over (x, y, z).
 
-    BEYOND where no point of the lane is within `radius`.
+    Writes BEYOND if no point of the lane is within `radius`. Node units.
     """
     for k in range(WIDTH):
         i = base + uint64(k)
@@ -107,7 +110,7 @@ def cap_gaps(nodes, base, x, y, z, nx, ny, nz, radius, margin, gaps):
             + b * abs(vx * nx + vy * ny + vz * nz)
             + wide
         )  # fmt: skip
-        # As in `_point_gaps` (nearest.py).
+        # As in `point_gaps` (nearest.py).
         s = min(max(dx * ux + dy * uy + dz * uz, -a), a)
         t = min(max(dx * vx + dy * vy + dz * vz, -b), b)
         dx = dx - s * ux - t * vx
@@ -143,9 +146,10 @@ def _meet(query, tree, t, answer):
 
 
 def cap_height(tree, o, n, radius, height, top, slack, stack):
-    """How high along n over o the surface reaches within `radius`: a bound, and the steps it took.
+    """Bound how high along n over o the surface reaches within `radius`. A stub.
 
-    At least `height`; infinity where it is above `top`, or takes too long to tell. A stub.
+    Returns the bound, at least `height`, and the steps used. The bound is infinite if it is above
+    `top` or takes too many steps.
     """
 
 
@@ -165,9 +169,9 @@ def _by_volumes(tree, o, n, radius, height, top, slack, stack):
 
 @kernel
 def beside(n, half):
-    """How far a cell reaches from its centre perpendicular to n, a unit vector.
+    """Return how far a cell reaches from its centre perpendicular to n, a unit vector.
 
-    Not by Pythagoras: along n half of the digits of a small rest would be lost.
+    Uses cross products. If the cell extends mainly along n, Pythagoras would lose half the digits.
     """
     square = 0.0
     for corner in range(4):  # the other four lie opposite
@@ -180,20 +184,20 @@ def beside(n, half):
 
 @shared
 def plane(tree, region, motion, k, at, point, centre, half, spare, most, row, stack):
-    """Find a plane seen from a point for a cell of the search's frame: (whether, steps).
+    """Find a plane, seen from a point, for a cell of the search's frame; return (found, steps).
 
     Args:
-        tree: of solid k.
-        region: its.
-        motion: from a's frame to its.
+        tree: the tree of solid k.
+        region: the Region of solid k.
+        motion: from a's frame to that of solid k.
         k: which solid.
         at: SEARCH.
-        point: POINT; the plane is perpendicular to the way to its nearest point of the surface.
+        point: POINT; the plane is perpendicular to the way from it to its nearest surface point.
         centre: (3,) of the cell.
-        half: (3,) its half lengths.
-        spare: metres that the plane may lie above what is there.
-        most: metres above the nearest point of the surface beyond which the plane is of no use.
-        row: (4,) of `CELL.rows`; written where there is a plane.
+        half: (3,) half lengths of the cell.
+        spare: metres by which the plane may lie above the surface.
+        most: metres above the nearest surface point, beyond which the plane is of no use.
+        row: (4,) of `CELL.rows`; written if a plane is found.
         stack: scratch.
     """
     way = (point.way[k, 0], point.way[k, 1], point.way[k, 2])
@@ -202,7 +206,7 @@ def plane(tree, region, motion, k, at, point, centre, half, spare, most, row, st
     found, steps = _one_way(
         tree, region, motion, k, at, point, way, centre, half, spare, most, row, stack
     )
-    if not found and point.side[k] == 0:  # then it is not known either which way is out
+    if not found and point.side[k] == 0:  # the side is unknown, so outward may be the opposite way
         way = scaled(way, -1.0)
         found, more = _one_way(
             tree, region, motion, k, at, point, way, centre, half, spare, most, row, stack
@@ -213,10 +217,10 @@ def plane(tree, region, motion, k, at, point, centre, half, spare, most, row, st
 
 @shared
 def _one_way(tree, region, motion, k, at, point, way, centre, half, spare, most, row, stack):
-    """As `plane`, against the way along which the depth is taken to grow."""
+    """Do the same as `plane` with the normal opposite to `way`, the direction of growing depth."""
     slack, side, axes = at.slack, point.side[k], at.axes
     low = -point.away[k] if side < 0 else point.away[k]
-    # From the nearest point of the surface on, as nearly as it matters.
+    # x is about the point of the surface nearest to `point`.
     x = along((point.place[0], point.place[1], point.place[2]), way, -low)
     o, n = moved(motion, x), rotated(motion, scaled(way, -1.0))
     yn = (-along_axis(axes, 0, way), -along_axis(axes, 1, way), -along_axis(axes, 2, way))
@@ -254,5 +258,5 @@ def _one_way(tree, region, motion, k, at, point, way, centre, half, spare, most,
 
 @kernel
 def along_axis(axes, i, v):
-    """The coordinate of a vector of a's frame along one axis of the search's."""
+    """Return the coordinate of a vector of a's frame along axis i of the search's frame."""
     return axes[i, 0] * v[0] + axes[i, 1] * v[1] + axes[i, 2] * v[2]

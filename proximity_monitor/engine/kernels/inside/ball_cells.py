@@ -1,4 +1,4 @@
-"""The cells of space that a larger ball may have its centre in: a heap, and how one is halved."""
+"""The heap of cells of space that may hold a larger ball's centre, and how a cell is halved."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ _OVERLAP = 2.0**-51
 
 
 _LEFT = 0.25
-"""Share of what is tolerated that is worth the search."""
+"""Share of the tolerance that must be left after the gaps between elements, see `limit_of`."""
 
 
 @kernel
 def limit_of(at):
-    """Bound, metres, up to which a radius is none that matters beside the one that was found."""
+    """Return the radius, metres, up to which a larger ball does not matter beside the one found."""
     radius = at.radius
     if radius == 0.0 and at.floor > 0.0:
-        return 0.0  # a solid has holes, and only this search can tell that nothing is in both
+        return 0.0  # a solid has holes: only this search can prove that no point is in both
     limit = max(radius + 32.0 * at.slack, at.floor)
-    if radius > 0.0:  # before, it is not known whether there is any
+    if radius > 0.0:  # no tolerance before a first ball: it is not known whether there is any
         tolerated = max(radius * at.rel_err, at.abs_err)
-        # Both bounds are widened by what the gaps between elements may do. Where these leave next
-        # to nothing of what is tolerated, no search comes near to that.
+        # The gaps between elements widen both bounds. If they use up most of the tolerance, no
+        # search could meet it; then the room is larger.
         room = tolerated - (2.0 + at.rel_err) * at.joints
         if room < _LEFT * tolerated:
             room = max(tolerated, 2.0 * at.joints)
@@ -37,7 +37,7 @@ def limit_of(at):
 
 @kernel
 def push(state, slot, bound):
-    """Put the cell in a free slot into the heap, unless its bound says that it does not matter."""
+    """Push the cell in a free slot onto the heap, or drop it if its bound is within the limit."""
     at, bounds, order = state.at[0], state.bounds, state.order
     if bound <= limit_of(at):
         at.dropped = max(at.dropped, bound)
@@ -57,7 +57,7 @@ def push(state, slot, bound):
 
 @kernel
 def pop(state):
-    """Take the cell with the largest bound out of the heap; it is the first free one then."""
+    """Remove and return the cell with the largest bound; its slot is then the first free one."""
     at, bounds, order = state.at[0], state.bounds, state.order
     at.size -= 1
     n = at.size
@@ -84,12 +84,12 @@ def halve(state, parent, rows, count, mean, used, bound):
 
     Args:
         state: Ball.
-        parent: the cell's number, that of the first free slot.
-        rows: (n, 4) all planes that are known of it: first those inherited, then the new ones.
-        count: how many.
-        mean: (4,) the mean of some that bounded it best.
-        used: (2,) the two rows that this began with.
-        bound: metres: its own.
+        parent: the cell's number; it is in the first free slot.
+        rows: (n, 4) all known rows of the cell: first the inherited ones, then the new ones.
+        count: the number of rows.
+        mean: (4,) the mean of rows that bounded the cell best.
+        used: (2,) the two rows that this mean began with.
+        bound: metres, of the cell.
     """
     at, cells = state.at[0], state.cells
     point, cell = state.trial[0], state.cells[parent]
@@ -98,7 +98,7 @@ def halve(state, parent, rows, count, mean, used, bound):
         if cell.half[i] > cell.half[longest]:
             longest = i
     half, middle = 0.5 * cell.half[longest], cell.centre[longest]
-    if half <= at.slack:  # smaller ones say no more
+    if half <= at.slack:  # smaller cells cannot have better bounds
         at.dropped = max(at.dropped, bound)
         return
     kept = table_on_stack(6, 4, 0.0)
@@ -117,7 +117,7 @@ def halve(state, parent, rows, count, mean, used, bound):
     limit = limit_of(at)
     pair, row = on_stack(2, np.int64(0)), on_stack(4, 0.0)
     for which in range(2):
-        # The second time the parent's own slot serves: nothing of it is needed any more.
+        # The second half overwrites the parent's own slot.
         slot = at.size + 1 - which
         child = cells[state.order[slot]]
         for i in range(3):

@@ -1,4 +1,4 @@
-"""Where the surfaces are nearest to the centre of the largest ball found."""
+"""Write the feet of the largest ball found: the surface points nearest to its centre."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ _SURFACES = SURFACE_A, SURFACE_B
 
 
 KIND_A = KIND_B = MeshTree
-"""The kinds of both trees: others in other entries (see pairs/balls.py)."""
+"""The kinds of both trees. Other entries substitute other kinds (see pairs/balls.py)."""
 
 
 @entry
 def write_ball(solids, memory, pose_a, pose_b, row, first):
-    """Write the boundary points of both solids nearest to the centre into an answer (ANSWER,).
+    """Write to an answer `row` (ANSWER,) the boundary points of both solids nearest to the centre.
 
-    The first solid is that model of the answer, 0 or 1.
+    `first` tells which model of the answer, 0 or 1, the first solid is.
     """
     tree_a, labels_a, _ = solid_at(KIND_A, solids[0])
     tree_b, labels_b, _ = solid_at(KIND_B, solids[1])
@@ -44,7 +44,7 @@ def write_ball(solids, memory, pose_a, pose_b, row, first):
 
 @kernel
 def write_foot(tree, labels, state, k, pose, row, side):
-    """Write the point of the nearest element of solid k that is nearest to the best point."""
+    """Write the foot of the best point on the nearest element of solid k."""
     best = state.best[0]
     place, parameters = foot_of(tree, moved(state.motions[k], place_of(best)), k, best)
     write_point(pose, place, parameters, labels[best.near[k]], row, side)
@@ -52,7 +52,10 @@ def write_foot(tree, labels, state, k, pose, row, side):
 
 @kernel
 def write_point(pose, place, parameters, label, row, side):
-    """Write a model's point into an answer: its place in the model's frame, and where it lies."""
+    """Write to an answer a model's point, converted to the world, its parameters and its label.
+
+    `place` is in the model's frame.
+    """
     placed = in_world(pose, place)
     point, feature = _POINTS[side], _FEATURES[side]
     for i in range(3):
@@ -62,7 +65,7 @@ def write_point(pose, place, parameters, label, row, side):
 
 @kernel
 def in_world(pose, x):
-    """A point in the world."""
+    """Return point x, of the frame at `pose`, in the world."""
     return (
         pose[0, 0] * x[0] + pose[0, 1] * x[1] + pose[0, 2] * x[2] + pose[0, 3],
         pose[1, 0] * x[0] + pose[1, 1] * x[1] + pose[1, 2] * x[2] + pose[1, 3],
@@ -72,9 +75,9 @@ def in_world(pose, x):
 
 @kernel
 def write_surface(way, pose, swept, row, side):
-    """Write the point of a swept surface, by its core's point, which is there already.
+    """Write the point of a swept surface; the point of its core is in the row already.
 
-    `way` leads into the solid, in the frame of `pose`; where nothing is swept it does not matter.
+    `way` points into the solid, in the frame of `pose`. It does not matter if nothing is swept.
     """
     row[RADIUS_A + side] = -1.0
     for i in range(3):

@@ -1,4 +1,4 @@
-"""The frame in which cells of space are cut, and the cuboid around what two models share."""
+"""The search's frame, whose axes the cells follow, and the cuboid around what two models share."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def _axis(axes, i):
 
 @kernel
 def in_a_frame(axes, v):
-    """A point of the search's frame in a's."""
+    """Convert a point of the search's frame to a's frame."""
     return (
         axes[0, 0] * v[0] + axes[1, 0] * v[1] + axes[2, 0] * v[2],
         axes[0, 1] * v[0] + axes[1, 1] * v[1] + axes[2, 1] * v[2],
@@ -44,7 +44,7 @@ def in_a_frame(axes, v):
 
 @kernel
 def take_axes(axes, way):
-    """Make the first axis that of a vector, and the others perpendicular."""
+    """Set the first axis to the direction of `way`, and the others perpendicular to it."""
     first = unit(way)
     if not dot(first, first) > 0.5:
         first = (1.0, 0.0, 0.0)
@@ -60,7 +60,7 @@ def take_axes(axes, way):
 
 @kernel
 def axis_of(point):
-    """The line through both nearest points, or what is perpendicular to the surface nearer by."""
+    """Return the direction through both nearest points; if both ways nearly agree, that of a."""
     a = (point.way[0, 0], point.way[0, 1], point.way[0, 2])
     b = (point.way[1, 0], point.way[1, 1], point.way[1, 2])
     way = sub(a, b)
@@ -69,10 +69,10 @@ def axis_of(point):
 
 @kernel
 def _extent(tree, region, motion, axis, swept, slack):
-    """From where to where a solid reaches along a unit vector of a's frame, metres: bounds."""
+    """Bound a solid's least and largest coordinate along a unit vector of a's frame, metres."""
     n = rotated(motion, axis)
     shift = motion[9] * n[0] + motion[10] * n[1] + motion[11] * n[2]
-    if region.inside == HALF:  # not its volumes: between them and its box there may be an inside
+    if region.inside == HALF:  # the inside may reach beyond the volumes, but not beyond the box
         box, middle, reach = region.box, -shift, 4.0 * slack + swept
         for i in range(3):
             middle += 0.5 * (box[0, i] + box[1, i]) * n[i]
@@ -100,7 +100,7 @@ def _extent(tree, region, motion, axis, swept, slack):
 
 @shared
 def common_box(tree_a, tree_b, region_a, region_b, state, centre, half):
-    """Write the cuboid of the search's frame that holds what two models share; False for none."""
+    """Write the cuboid, in the search's frame, around what two models share; False if none."""
     at, motions = state.at[0], state.motions
     for i in range(3):
         axis = _axis(at.axes, i)

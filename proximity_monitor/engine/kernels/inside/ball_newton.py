@@ -1,14 +1,14 @@
-"""Newton's method on opposite normals: where two surfaces that overlap are farthest apart.
+"""Newton's method on opposite normals: find where two overlapping surfaces are farthest apart.
 
 A largest ball between two smooth surfaces touches them at points whose normals are opposite
-(Thomas, Turnbull, Ros and Cameron 2000, sections 3 and 4). Let a point lie between both, n be about
-normal to them, and y perpendicular to n. Near the point's feet the surfaces are at heights h_a(y)
-and h_b(y) along n. Their normals are opposite where the gap h_a - h_b is stationary. Slopes and
-second derivatives at the feet say where that is, to second order. So the next point is the middle
-between both surfaces there. The ball around it is certified as any other.
+(Thomas, Turnbull, Ros and Cameron 2000, sections 3 and 4). Let a point lie between both surfaces, n
+be about normal to them, and y perpendicular to n. Near the point's feet the surfaces are at heights
+h_a(y) and h_b(y) along n. Their normals are opposite where the gap h_a - h_b is stationary. Slopes
+and second derivatives at the feet predict this place to second order. The next trial point is the
+middle between both surfaces there. The ball around it is certified like any other.
 
-An ascent by the depths' gradients alone (`ball_trial`) makes small steps along such a gap: both
-gradients are about perpendicular to it.
+An ascent along the depths' gradients alone (`ball_trial`) makes small steps along such a gap,
+because both gradients are about perpendicular to it.
 """
 
 from __future__ import annotations
@@ -26,23 +26,24 @@ from .ball_trial import try_point
 from .feet import bend_at
 
 OPPOSITE = -0.8
-"""Product of the ways along which both depths grow from which on surfaces are nearly parallel."""
+"""Surfaces count as nearly parallel if the inner product of both `way`s, the directions along which
+the depths grow, is below this."""
 
 _STRAIGHT = -0.98
-"""That product from which on the middle between both feet is tried from a cell's centre."""
+"""If that product is below this, `seed_between` tries the middle between both feet."""
 
 _WORTH = 0.02
-"""Share of what is tolerated that a step, and a part of it, has to promise."""
+"""Share of the tolerance that a step, and each component of it, must promise to gain."""
 
 _CURVED, _FLAT = 0.5, 500.0
-"""Share of the radii of curvature, and multiple of the gap, that a step may be long."""
+"""Maximum length of a step: this share of the radii of curvature, this multiple of the gap."""
 
 
 @shared
 def frame_between(point):
-    """A unit vector about normal to both surfaces, outward of a, and two perpendicular to it.
+    """Return a unit vector about normal to both surfaces, outward of a, and two perpendicular ones.
 
-    The first is zero where the surfaces are not nearly parallel, seen from a point.
+    The first is zero if the surfaces, seen from `point`, are not nearly parallel.
     """
     a = (point.way[0, 0], point.way[0, 1], point.way[0, 2])
     b = (point.way[1, 0], point.way[1, 1], point.way[1, 2])
@@ -55,10 +56,10 @@ def frame_between(point):
 
 @kernel
 def seed_between(state, limit):
-    """Let the next seed be where both depths are the same, beside the centre of a cell.
+    """Make the next seed the point of equal depths on the line through the trial point's feet.
 
-    It lies on the line through both feet, where these are opposite and so far apart that a ball
-    between them would matter. Else cells about it would have to be as small as the ball first.
+    Do so only if the feet are opposite and so far apart that a ball between them would matter.
+    Without this seed, the cells near it would have to shrink to the size of the ball first.
     """
     at, trial = state.at[0], state.trial[0]
     if trial.side[0] == 0 or trial.side[1] == 0 or at.seed < at.seeds:
@@ -75,9 +76,10 @@ def seed_between(state, limit):
 
 @shared
 def foot_bend(tree, motion, k, point, n, e, f):
-    """`feet.bend_at` of a solid for vectors of a's frame, and where the foot is from the point.
+    """Call `feet.bend_at` for a solid with vectors n, e and f of a's frame.
 
-    Returns whether there is one; the foot's coordinates along e, f and n; slopes; and bends.
+    Returns whether there is such a height; the foot's offset from the point along e, f and n; the
+    slopes; and the bends.
     """
     n, e, f = rotated(motion, n), rotated(motion, e), rotated(motion, f)
     sound, place, slope, bend = bend_at(tree, k, point, n, e, f)
@@ -87,7 +89,7 @@ def foot_bend(tree, motion, k, point, n, e, f):
 
 @shared
 def principal(k11, k12, k22):
-    """The eigenvalues of a symmetric matrix, and the unit vector of the first one."""
+    """Return the eigenvalues of a symmetric 2 × 2 matrix, and the unit eigenvector of the first."""
     angle = 0.5 * np.arctan2(2.0 * k12, k11 - k22)
     c, s = np.cos(angle), np.sin(angle)
     return (
@@ -100,7 +102,7 @@ def principal(k11, k12, k22):
 
 @shared
 def _over(d, g, k):
-    """Height and slopes over the middle of a surface that has slopes g and bends k at d from it."""
+    """Return a surface's height and slopes over the middle; at d, its slopes are g, its bends k."""
     g1, g2 = g[0] - k[0] * d[0] - k[1] * d[1], g[1] - k[1] * d[0] - k[2] * d[1]
     bend = k[0] * d[0] * d[0] + 2.0 * k[1] * d[0] * d[1] + k[2] * d[1] * d[1]
     return d[2] - g1 * d[0] - g2 * d[1] - 0.5 * bend, g1, g2
@@ -108,7 +110,10 @@ def _over(d, g, k):
 
 @shared
 def _step(slope, bend, trust, worth):
-    """How far to go where a gap changes so: to its largest value, or as far as is trusted."""
+    """Return the step, at most `trust`, that maximises a gap with this slope and bend.
+
+    Returns 0 if the gap grows by no more than `worth`.
+    """
     far = np.sign(slope) * trust
     if bend < 0.0 and abs(slope) < -bend * trust:
         far = -slope / bend
@@ -116,9 +121,9 @@ def _step(slope, bend, trust, worth):
 
 
 def begin_newton(tree_a, tree_b, state):
-    """Make the next point of Newton's method the trial point; False where it promises no gain.
+    """Make the next point of Newton's method the trial point; return False if it promises no gain.
 
-    A stub: triangles bend nowhere.
+    A stub, because triangles do not bend.
     """
 
 
@@ -154,8 +159,8 @@ def _begin(tree_a, tree_b, state):
     one = _step(c * (g1 - g1_b) + s * (g2 - g2_b), k1, trust, worth)
     two = _step(c * (g2 - g2_b) - s * (g1 - g1_b), k2, trust, worth)
     if at.trust < np.inf:
-        # The last step failed: another face is nearer there, as at the end of a shaft. Along what
-        # does not change the gap, a step either way may lead out of its reach.
+        # The last step failed: another face is nearer there, such as the end face of a shaft. In a
+        # direction that does not change the gap, a step to either side may lead away from it.
         aside = 2.0 * gap if at.newtons & 1 else -2.0 * gap
         one, two = (aside, two) if one == 0.0 else (one, aside if two == 0.0 else two)
     y1, y2 = c * one - s * two, s * one + c * two

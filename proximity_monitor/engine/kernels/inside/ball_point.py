@@ -1,9 +1,9 @@
 """How deep a point lies in a solid: its signed distance to the surface, positive inside.
 
-The depth of x in a solid is f(x) = g(x) + r: g is the distance of x to the surface of its core, its
-elements, positive inside and negative outside, and r the radius that sweeps it. Where the core is
-closed, g changes by no more than x moves, as the surface lies between two points of different
-sides. Where the core has no inside, g is minus the distance.
+The depth of x in a solid is f(x) = g(x) + r. Here r is the solid's swept radius, and g is the
+distance of x to the surface of the core (the elements), positive inside and negative outside. If
+the core is closed, g changes by no more than x moves, because the surface lies between two points
+on different sides. If the core has no inside, g is minus the distance.
 """
 
 from __future__ import annotations
@@ -22,17 +22,17 @@ from .visit import TO_THE_END
 
 @kernel
 def place_of(point):
-    """Where a point is."""
+    """Return the place of a point."""
     return (point.place[0], point.place[1], point.place[2])
 
 
 @shared
 def sound_some(tree, region, motion, k, at, point, stack, reached, steps):
-    """Go on to find the depth of a point in solid k; returns how many steps are left.
+    """Continue to find the depth of a point in solid k; return the steps left.
 
-    `point` holds its place; the side, if it is known, else 0, and how far around the point it is
-    the same; and a triangle that may be near. The rest is written. Where the steps do not suffice,
-    `at.height` is not 0, and the descent goes on with what `point` and the stack hold.
+    On entry `point` holds its place; its side, or 0 if unknown; `clear`; and an element that may be
+    near. The rest is written. If the steps do not suffice, `at.height` is not 0, and the next call
+    continues the descent from `point` and the stack.
     """
     slack, swept, near = at.slack, at.swept[k], 2.0 * (at.slack + at.joints)
     found = on_stack(WIDTH, np.float32(0.0))
@@ -62,7 +62,7 @@ def sound_some(tree, region, motion, k, at, point, stack, reached, steps):
     foot, _ = foot_of(tree, p, k, point)
     way = scaled(sub(p, foot), 1.0 if side > 0 else -1.0)
     if not away > 4.0 * slack and region.inside == WHOLE:
-        way = scaled(normal_at(tree, k, point), -1.0)  # what is left of the difference is rounding
+        way = scaled(normal_at(tree, k, point), -1.0)  # the difference p - foot is mere rounding
     way = turned_back(motion, unit(way))
     point.way[k, 0], point.way[k, 1], point.way[k, 2] = way
     return steps
@@ -70,28 +70,28 @@ def sound_some(tree, region, motion, k, at, point, stack, reached, steps):
 
 @kernel
 def sound(tree, region, motion, k, at, point, stack, reached):
-    """As `sound_some`, to the end; returns how many steps that took."""
-    most = np.int64(TO_THE_END)  # a number of the type of all others: no second form is compiled
+    """Do the same as `sound_some` to the end; return the steps used."""
+    most = np.int64(TO_THE_END)  # int64, as elsewhere: no second version is compiled
     return most - sound_some(tree, region, motion, k, at, point, stack, reached, most)
 
 
 @kernel
 def certain_depth(point, k, swept, slack):
-    """How deep a point certainly lies in solid k, metres; at most 0 where it may lie outside."""
-    if point.side[k] == 0:  # it counts as outside
+    """Return a certified lower bound of a point's depth in solid k, metres."""
+    if point.side[k] == 0:  # an unknown side counts as outside
         return swept[k] - point.away[k] - slack
     return point.depth[k] - slack
 
 
 @kernel
 def certain_radius(point, swept, slack):
-    """Radius, metres, of a ball around a point that both solids certainly hold; or below 0."""
+    """Return the radius, metres, of a ball around a point certainly in both solids; may be < 0."""
     return min(certain_depth(point, 0, swept, slack), certain_depth(point, 1, swept, slack))
 
 
 @kernel
 def possible_depth(point, k, inside, swept, radius, slack):
-    """Bound, metres, of the depth in solid k of all within `radius` of a point."""
+    """Return an upper bound, metres, of the depth in solid k of all points within `radius`."""
     if point.side[k] < 0 and (inside != HALF or point.clear[k] > radius):
         return swept - point.away[k] + point.loose[k] + radius + slack
     return swept + point.away[k] + radius + slack

@@ -1,15 +1,14 @@
-"""The largest that the smallest of several linear bounds can be in a cuboid.
+"""Bound the largest ball centred in a cuboid by several linear bounds of depths (rows).
 
-A row is n and h, and says that one of the depths at y is at most h - n · y. A ball at y is no
-larger than every row says, hence no larger than any weighted mean of some of them; and the maximum
-of such a mean over a cuboid is its value at the centre plus |n| times the half lengths. Of two rows
-the best weight makes one of the three components of the mean's n vanish, or is 0 or 1: the mean's
-maximum is convex and piecewise linear in the weight, with its corners there. A mean is a row, too,
-and may be mixed with a third and a fourth: so many it takes to say how large a ball is that touches
-four faces.
+A row is n and h: one of the depths at y is at most h - n · y. A ball at y is no larger than the
+smallest row's value, hence no larger than any weighted mean of rows. The maximum of a mean over a
+cuboid is its value at the centre plus the sum of |n_i| times the half lengths. For two rows, the
+best weight is 0, 1, or one at which a component of the mean's n vanishes, because the maximum is
+convex and piecewise linear in the weight with kinks at these weights. A mean is a row too, and may
+be mixed with a third and a fourth row. A ball that touches four faces needs that many.
 
-Rounding a mean errs by 3 u of each number, which is less than 10 u S of what it says (S as for the
-slack, of 32 u S and more): a mean is raised by one slack.
+Rounding a mean errs by 3 u of each number, less than 10 u S of its value (S as for the slack, which
+is at least 32 u S). So a mean is raised by one slack.
 """
 
 from __future__ import annotations
@@ -19,15 +18,15 @@ import numpy as np
 from ..base.jit import kernel, shared
 
 _MIXES = 6
-"""How often a mean is mixed with another row, at the most."""
+"""Maximum number of times that a mean is mixed with another row."""
 
 _WORTH = 0.02
-"""Share of what is missing that another mixture has to bring."""
+"""Share of the distance to the limit by which another mixture must lower the bound."""
 
 
 @kernel
 def _value(u, v, x, y, half, w):
-    """The maximum of the mean with weights w and 1 - w of rows x and y, u and v at the centre."""
+    """Return the maximum of w x + (1 - w) y; rows x and y have the values u and v at the centre."""
     m = 1.0 - w
     return (
         w * u + m * v
@@ -44,7 +43,10 @@ def _at(row, centre):
 
 @kernel
 def _best_weight(u, v, x, y, half, best):
-    """The weight of row x in the mean with y whose maximum is least, and that, if below `best`."""
+    """Return the weight of row x whose mean with y has the least maximum, and that maximum.
+
+    If no maximum is below `best`, returns -1 and `best`. Weights 0 and 1 are not tried.
+    """
     weight = -1.0
     if min(u, v) >= best:
         return weight, best
@@ -59,10 +61,10 @@ def _best_weight(u, v, x, y, half, best):
 
 @shared
 def bound_of(rows, count, centre, half, limit, slack, mean, used):
-    """The largest that the smallest of `count` rows can be.
+    """Return an upper bound of the smallest of `count` rows in the cuboid (centre, half).
 
-    Writes the row that says so into `mean` (4,), and into `used` (2,) from which two of the rows it
-    began. Below `limit` none better is looked for.
+    Writes the row that gives the bound to `mean` (4,), and the two rows that the mean began with to
+    `used` (2,). Stops to improve the bound once it is at most `limit`.
     """
     best = np.inf
     used[0] = used[1] = 0

@@ -1,4 +1,4 @@
-"""Points that are likely to lie inside both of two solids: where a search for a ball begins."""
+"""Seeds of a search for a ball: points that are likely to lie inside both solids."""
 
 from __future__ import annotations
 
@@ -14,26 +14,26 @@ from .feet import corner_of, middle_of, spot_of_row
 from .solid_table import solid_at
 
 _SHARES = (0.1, 1e-3, 1e-5)
-"""How far beside a contact is tried, as shares of the elements' size."""
+"""Distances of the seeds from a contact, as shares of the elements' size."""
 
 
 KIND_A = KIND_B = MeshTree
-"""The kinds of both trees: others in other entries (see pairs/balls.py)."""
+"""The kinds of both trees. Other entries substitute other kinds (see pairs/balls.py)."""
 
 
 @entry
 def add_seeds(solids, memory, row, first, body, element):
-    """Begin a search at points about a contact, or about an element of one solid, too.
+    """Add seeds around a contact, or around an element of one solid.
 
     Args:
         solids: (2, n, 2), as for `begin_ball`.
-        memory: as for it.
-        row: (ANSWER,) the answer about the distance of the cores, whose nearest points are the
-            contact; not read where there is an element.
+        memory: as for `begin_ball`.
+        row: (ANSWER,) the answer about the distance of the cores; its nearest points are the
+            contact. Not read if an element is given.
         first: which model of the answer the first solid is, 0 or 1.
-        body: of which solid the element is, 0 or 1.
-        element: in tree order, or NONE. Its first corner lies inside the other solid; beside it
-            are points inside both.
+        body: the solid that the element belongs to, 0 or 1.
+        element: in tree order, or NONE. Its first corner lies inside the other solid, so points
+            beside it lie inside both.
     """
     tree_a, _, _ = solid_at(KIND_A, solids[0])
     tree_b, _, _ = solid_at(KIND_B, solids[1])
@@ -57,7 +57,8 @@ def _add_at_contact(tree_a, tree_b, state, row, first):
     apart = np.sqrt(dot(way, way))
     a, b = tree_a.scale[SWEPT], tree_b.scale[SWEPT]
     if a + b > 0.0 and apart > 0.0:
-        # Along the way from core to core, where both depths are the same, or one core's end.
+        # Seeds on the line through both cores' nearest points: points where both depths may be
+        # equal, the nearest points themselves, and their middle.
         way = scaled(way, 1.0 / apart)
         over = a + b - apart
         middle = a - 0.5 * over
@@ -87,5 +88,5 @@ def _add_at_element(tree, motion, element, state):
 
 @kernel
 def _in_a(motion, v):
-    """A point of a solid's frame in a's; `motion` leads the other way."""
+    """Convert a point of a solid's frame to a's; `motion` is the inverse, from a's frame."""
     return turned_back(motion, sub(v, (motion[9], motion[10], motion[11])))

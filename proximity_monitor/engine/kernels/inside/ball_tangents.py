@@ -1,13 +1,15 @@
-"""Linear bounds of a depth in a cell of space, from the nearest triangle, or point of a surface.
+"""Bound a depth in a cell of space linearly, from the nearest triangle or point of a surface.
 
-No point is deeper than it is far from some triangle T, and the distance from T is a convex function
-d. Let c be the centre of the cell and g the gradient of d there. Then d(y) - d(c) - g · (y - c) is
-convex as well, and largest at a corner of the cell: call that e. So everywhere in it
+A point is no deeper than its distance d from any triangle T of the surface, and d is convex. Let c
+be the centre of the cell and g the gradient of d at c. Then d(y) - d(c) - g · (y - c) is convex as
+well, so it is largest at a corner of the cell. Let e be this largest value. Then everywhere in the
+cell
 
     f(y) <= d(c) + e + g · (y - c) + r.
 
-Around an edge or a corner that points into the solid, e is quadratic in the size of the cell, where
-a plane above which there is nothing (`ball_caps`) has to lie above both faces of the edge.
+Around an edge or a corner that points into the solid, e is quadratic in the size of the cell. In
+contrast, a plane above which the solid has nothing (`ball_caps`) must lie above both faces of the
+edge.
 """
 
 from __future__ import annotations
@@ -23,10 +25,10 @@ from .nearest import point_triangle
 
 @shared
 def tangent(tree, motion, k, at, point, centre, half, row):
-    """Find a row of `CELL.rows` from the triangle nearest to the centre of a cell; whether it did.
+    """Write a row of `CELL.rows` from the triangle nearest to a cell's centre; return whether.
 
-    `point` is the centre and what is known of it; the others are as for `ball_caps.plane`. The
-    slacks are those of a plane: each distance errs by one, the rest by less than three.
+    `point` is the POINT of the centre; the other arguments are as for `ball_caps.plane`. The row is
+    raised by PLANE slacks: each distance errs by one slack, the rest by less than three.
     """
     if point.side[k] < 0 or not point.away[k] > 8.0 * at.slack:
         return False

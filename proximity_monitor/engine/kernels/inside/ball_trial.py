@@ -1,6 +1,6 @@
-"""The trial point of a search for the largest ball: what is tried next, and what is kept.
+"""The trial point of a search for the largest ball: choose it, and keep it if it is better.
 
-A ball that was found is improved by an ascent, step by step.
+An ascent improves the ball found step by step.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from .ball_state import CLIMB
 from .visit import TO_THE_END
 
 _CLIMBS, _FAILED = 32, 3
-"""Steps of an ascent, at the most; and how many more one counts as that led to a smaller ball."""
+"""Maximum number of steps of an ascent; and the extra cost of a step that led to a smaller ball."""
 
 _NEWTONS, _AGAIN = 12, 2
-"""Newton's steps, at the most; and after a step of the ascent that led to a larger ball."""
+"""Maximum number of Newton's steps; and the number allowed again after a successful ascent step."""
 
 _FARTHEST = 1.9
-"""Share of the radius that a step may go: longer ones mostly lead to a smaller ball."""
+"""Maximum length of a step as a share of the radius. Longer steps mostly lead to a smaller ball."""
 
 
 @kernel
@@ -39,7 +39,7 @@ def _copy(point, other):
 
 @kernel
 def keep(state):
-    """Keep the trial point where it is the centre of the largest ball so far; returns whether."""
+    """Keep the trial point if it is the centre of the largest ball so far; return whether."""
     at, trial = state.at[0], state.trial[0]
     radius = certain_radius(trial, at.swept, at.slack)
     if not radius > max(at.radius, at.joints):
@@ -51,7 +51,10 @@ def keep(state):
 
 @kernel
 def try_point(state, task, x, y, z, near, inherited, moved):
-    """Make a point the trial point; where `inherited`, sides are those of a point so far away."""
+    """Make (x, y, z) the trial point; if `inherited`, take the sides of `near`.
+
+    `near` is a POINT or CELL whose centre is `moved` metres away.
+    """
     at, trial = state.at[0], state.trial[0]
     at.task, at.turn, at.height, at.patience = task, 0, 0, TO_THE_END
     at.points += 1
@@ -64,10 +67,10 @@ def try_point(state, task, x, y, z, near, inherited, moved):
 
 @kernel
 def begin_climb(state):
-    """Begin one step of the ascent from the best point, unless it is not worth it.
+    """Begin one step of the ascent from the best point, or end the ascent if it is not worth it.
 
-    To first order the depths grow along their ways u and v. Of all steps no longer than `reach` the
-    one is taken after which the smaller of both is largest.
+    To first order, the depths grow along their ways u and v. Of all steps no longer than `reach`,
+    take the one that makes the smaller depth largest.
     """
     at, best = state.at[0], state.best[0]
     at.climbs -= 1
@@ -82,7 +85,7 @@ def begin_climb(state):
     elif second + reach <= first + reach * c:
         p, q, gain = 0.0, reach, reach
     else:
-        # p u + q v, such that both depths are the same after it.
+        # The step p u + q v that makes both depths equal.
         part = e / (2.0 * max(1.0 - c, 1e-12))
         whole = 0.0
         if 1.0 + c > 1e-9:
@@ -107,7 +110,7 @@ def begin_climb(state):
 
 @kernel
 def end_climb(state):
-    """Keep the point that a step of the ascent led to where it is better, and go farther next."""
+    """Keep the end of an ascent's step if it is better, and adapt the length of the next step."""
     at = state.at[0]
     before, tolerated = at.radius, limit_of(at) - at.radius
     if keep(state):
@@ -122,7 +125,7 @@ def end_climb(state):
 
 @kernel
 def end_newton(state):
-    """Keep the point that Newton's step led to where it is better, or trust the next one less."""
+    """Keep the end of Newton's step if it is better; otherwise shorten the next step."""
     at, best, trial = state.at[0], state.best[0], state.trial[0]
     way = sub(place_of(trial), place_of(best))
     before, tolerated = at.radius, limit_of(at) - at.radius

@@ -21,17 +21,17 @@ from .tolerance import distance_of, share_of_error, spare_of_error
 from .visit import descend
 
 NONE = -1
-"""The triangle of a point that is beyond the largest distance asked for, or not done."""
+"""The triangle of a point that is not done, or farther than the largest distance asked for."""
 
 _ONE_POINT = 4
-"""Steps that a point takes as long as besides those of its descent."""
+"""Cost of a point in `closest_points`, in steps, besides its descent."""
 
 _SIDE = 4
-"""Steps that a point takes as long as besides finding its side."""
+"""Cost of a point in `sides`, in steps, besides finding its side."""
 
 TELLING = 1e-6
-"""Share of the model's size up to which the distance of a point is found out where its side is
-asked for: nearer to a surface, rounding hides on which side of it the point lies."""
+"""Share of the model's size. If sides are asked for, distances up to it are found even if they are
+beyond the largest distance: near a surface, rounding hides the side of a point."""
 
 
 @entry
@@ -39,20 +39,21 @@ def closest_points(
     model, pose, points, max_distance, rel_err, abs_err, signed, first, steps,
     stack, stacked, going, bounds, feet, triangles, normals,
 ):  # fmt: skip
-    """Nearest points on a mesh at `pose` to points (k, 3) in the world, from the first one on.
+    """Find the points of a mesh at `pose` nearest to points (k, 3) in the world, from `first` on.
 
-    The model is the table of its hierarchy. Whatever the volumes are: boxes may be taken for swept
-    spheres. A point may be found that is farther than the nearest by a relative or an absolute
-    error, whichever is more.
+    `model` is the table of the mesh's hierarchy. The volumes may be of any kind, because boxes may
+    be taken for swept spheres. The point found may be farther than the nearest one by the relative
+    or the absolute error, whichever is larger.
 
-    Returns how many are done: all, or as many as about `steps` steps suffice for. Then the search
-    for the next one may have begun: `going` (3,) is its distance so far, its triangle, and how many
-    entries it has in `stack` and `stacked`; all are 0 where none has.
+    Returns how many points are done: all, or as many as fit into about `steps` steps. The search
+    for the next point may then be under way: `going` (3,) holds its distance so far, its triangle,
+    and the number of its entries in `stack` and `stacked`; all three are 0 if none is under way.
 
-    Writes bounds (k, 2), certified, and triangles (k,) in tree order, and of those nearer than
-    `max_distance` metres feet (k, 3) in the world and their normals (k, 3), which may be (0, 3); of
-    the others the triangle is NONE and the upper bound infinite. Where `signed`, the bounds are of
-    the distance to the triangles, no feet or normals are written; `sides` makes answers of that.
+    Writes certified `bounds` (k, 2) and `triangles` (k,) in tree order. For points nearer than
+    `max_distance` metres, also writes `feet` (k, 3) in the world and `normals` (k, 3), which may
+    be (0, 3). For other points, the triangle is NONE and the upper bound infinite. If `signed`, the
+    bounds are those of the distance to the triangles, and no feet or normals are written; `sides`
+    turns this into answers.
     """
     tree, _ = tree_at(MeshTree, model)
     found = on_stack(WIDTH, np.float32(0.0))
@@ -66,7 +67,7 @@ def closest_points(
         p, slack = image_of(tree, pose, points, k)
         spare = spare_of_error(tree, abs_err, slack)
         query = Point(p, slack, share, spare, radius)
-        # Less one slack it is beyond, whatever rounding does.
+        # A point at this distance is beyond `farthest` even after rounding by one slack.
         beyond = distance_of(farthest + slack, share, spare, radius)
         distance, nearby, top = going[0], np.int64(going[1]), np.int64(going[2])
         if top == 0:
@@ -99,10 +100,10 @@ def closest_points(
 def sides(
     solid, pose, points, first, last, steps, stack, bounds, feet, triangles, normals
 ):  # fmt: skip
-    """Make signed answers of what `closest_points` found for the points first to last.
+    """Turn the results of `closest_points` for points `first` to `last` into signed answers.
 
-    The solid is the table of the hierarchy of all triangles and of its Region. Returns how many are
-    done: `last`, or as many as about `steps` steps suffice for, at least one more than before.
+    `solid` is the table of the hierarchy of all triangles and of its Region. Returns how many
+    points are done: `last`, or as many as fit into about `steps` steps, at least one more.
     """
     tree, _, region = solid_at(MeshTree, solid)
     gaps = on_stack(WIDTH, np.float32(0.0))
@@ -128,7 +129,7 @@ def sides(
 
 @kernel
 def image_of(tree, pose, points, k):
-    """Point k in the model's frame, and what rounding may do to it and to its distance, metres."""
+    """Return point k in the model's frame, and the slack of it and of its distance, metres."""
     d = (points[k, 0] - pose[0, 3], points[k, 1] - pose[1, 3], points[k, 2] - pose[2, 3])
     p = (
         pose[0, 0] * d[0] + pose[1, 0] * d[1] + pose[2, 0] * d[2],
@@ -140,7 +141,7 @@ def image_of(tree, pose, points, k):
 
 @kernel
 def _signed_upper_of(core, radius, deviation):
-    """Upper bound of a signed distance, metres, from one of the core's; see swept.py."""
+    """Return an upper bound of the signed distance, metres, from the core's; see swept.py."""
     if radius + deviation == 0.0:
         return core
     return core - radius + deviation + OFFSET_MARGIN * (abs(core) + radius + deviation)
@@ -148,10 +149,11 @@ def _signed_upper_of(core, radius, deviation):
 
 @kernel
 def _surface(tree, pose, p, t, side, slack, k, feet, normals):
-    """Write the point of the surface nearest to p, and its normal, as number k, in the world.
+    """Write to row k the surface point nearest to p, and its normal, in the world.
 
-    p lies in the model's frame, nearest to triangle t, inside the core (side 1) or outside (-1);
-    with 0 that does not matter, and a point within the balls is itself the nearest.
+    p is in the model's frame; t is its nearest triangle. `side` is 1 if p is inside the core, -1 if
+    outside. With 0 the distance is unsigned: a point within the swept balls is its own nearest
+    point.
     """
     radius = tree.scale[SWEPT]
     triangle = corners(tree.triangles, t)
@@ -178,7 +180,7 @@ def _surface(tree, pose, p, t, side, slack, k, feet, normals):
 
 @kernel
 def _perpendicular(triangle):
-    """A unit vector perpendicular to a triangle without area."""
+    """Return a unit vector perpendicular to a triangle without area."""
     e, f = sub(triangle[1], triangle[0]), sub(triangle[2], triangle[0])
     e = unit(e if dot(e, e) > dot(f, f) else f)
     if abs(e[0]) <= min(abs(e[1]), abs(e[2])):

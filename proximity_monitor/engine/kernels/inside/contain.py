@@ -1,9 +1,10 @@
-"""Whether one of two bodies whose surfaces are apart lies inside the other: for many pairs at once.
+"""Decide for many pairs of bodies with disjoint surfaces whether one lies inside the other.
 
-A connected part whose surface does not meet a closed one lies wholly on the side of any of its
-points. So where the surfaces are apart, the winding number around one vertex of each part tells.
-Where parts are many, as in a cloud of points, so does one vertex of each volume that is smaller
-than the surfaces are apart: its other points are on the same side, being nearer to that one.
+A connected part that does not meet a closed surface lies wholly on one side of it. So if the
+surfaces are apart, the winding number around one vertex of each part decides. If a body has many
+parts, as a cloud of points has, one vertex of each small volume decides instead: if the volume is
+smaller than the distance of the surfaces, its other points are nearer to that vertex than to the
+surface, so they are on the same side.
 """
 
 from __future__ import annotations
@@ -26,32 +27,33 @@ from .volumes import sphere_of
 from .winding import ray_steps, winding_number
 
 Insides = namedtuple("Insides", "where spans samples tables")
-"""What n bodies enclose: where (int8, n), their Region.inside; samples (int32, k) of all of them;
-spans (int64, n × 2), which of these are a body's: the first, and one after the last; and tables
-(int64, n × 2 × 7) of hierarchies that hold all triangles (see tables.py). A winding number counts
+"""The insides of n bodies. where (int8, n), their Region.inside; samples (int32, k), those of all
+bodies; spans (int64, n × 2), a body's range of samples: the first, and one after the last; and
+tables (int64, n × MODEL_ROWS × 2, see tables.py) of hierarchies of all triangles of a mesh, or of a
+triangle of points of each element of a surface. All triangles, because a winding number also counts
 those that lie on others, which a search for the nearest leaves out.
 """
 
 
 FEW = 256
-"""Parts of a body, at the most, of which each is looked at."""
+"""Up to this number of parts, one vertex of each part is tested; else one of each small volume."""
 
 NONE, UNDECIDED = -1, -2
-"""No triangle; and that some are left to look at."""
+"""Instead of a triangle: none found; and some are left to test."""
 
 HOLDER = MeshTree
-"""The kind of tree of whatever a part is looked for in: another one in surface/contain.py."""
+"""The kind of the holder's tree; surface/contain.py substitutes another kind."""
 
 
 @shared
 def part_inside(holder, body, samples, motion, slack, apart, progress, waiting, scratch, steps):
-    """A triangle of a part of `body` that may lie inside `holder`, whose surface it does not meet.
+    """Find a triangle of a part of `body` that may lie inside `holder`; the surfaces do not meet.
 
-    The samples are of the body, `motion` brings them to the frame of the holder, and the surfaces
-    are `apart` metres apart or more, which is above 4 `slack`: also where rounding moved a sample.
-    Returns NONE where all are surely outside, or UNDECIDED after so many steps, and how many steps
-    are left; `progress` (2,), zeros to begin with, and `waiting` are what it goes on with.
-    `scratch` is room for a descent.
+    `samples` are those of the body; `motion` moves them to the holder's frame. The surfaces are at
+    least `apart` metres apart, even after rounding moves a sample; `apart` is above 4 `slack`.
+    Returns (triangle, steps left). The triangle is NONE if all parts are certainly outside, or
+    UNDECIDED if the steps run out. Then the next call continues from `progress` (2,), zeros at
+    first, and `waiting`. `scratch` is for a descent.
     """
     gaps = on_stack(WIDTH, np.float32(0.0))
     if len(samples) <= FEW:
@@ -101,7 +103,7 @@ def part_inside(holder, body, samples, motion, slack, apart, progress, waiting, 
 def look_for_part(
     holder, body, samples, motion, slack, apart, progress, waiting, scratch, steps
 ):  # fmt: skip
-    """As `part_inside`, of tables of hierarchies, without the steps that are left."""
+    """Do the same as `part_inside` for tables of hierarchies; return the triangle alone."""
     tree, _ = tree_at(HOLDER, holder)
     other, _ = tree_at(MeshTree, body)
     found, _ = part_inside(
@@ -115,22 +117,22 @@ look_for_part_in_mesh = entry(specialised(look_for_part, "look_for_part_in_mesh"
 
 @kernel
 def _holds_triangle(holder, body, t, motion, slack, stack, gaps):
-    """Whether a triangle of the body, which the holder's surface does not meet, may be inside."""
+    """Return whether a body's triangle may be inside the holder; it does not meet its surface."""
     p = moved(motion, corners(body.triangles, t)[0])
-    return winding_number(holder, p, slack, stack, gaps) != 0  # or unknown
+    return winding_number(holder, p, slack, stack, gaps) != 0  # UNKNOWN counts as inside
 
 
 def look_in(
     insides, number, holder, body, samples, motion, slack, apart, progress, scratch, steps
 ):  # fmt: skip
-    """As `part_inside`, in the body of that number, whose hierarchy over triangles is `holder`.
+    """Do the same as `part_inside` in body `number`, whose triangle hierarchy is `holder`.
 
-    A stub: surfaces have another hierarchy besides, that of their own elements.
+    A stub, because a surface also has a hierarchy of its own elements.
     """
 
 
 def errors_of(insides, i, j):
-    """What points of two bodies err by, and what closes their gaps, metres: a stub."""
+    """Return the errors of two bodies' points and gaps (see errors.py) together, metres. A stub."""
 
 
 @implements(look_in, Insides)
@@ -151,7 +153,7 @@ def _exact(insides, i, j):
 
 @kernel
 def _one_in_the_other(insides, i, j, motions, slack, apart, progress, scratch, steps):
-    """As `part_inside`, of body i or j, whose surfaces are so far apart, in the other."""
+    """Do the same as `part_inside` for body i in body j, and for body j in body i."""
     where, spans = insides.where, insides.spans
     tree_a, _ = tree_at(MeshTree, insides.tables[i])
     tree_b, _ = tree_at(MeshTree, insides.tables[j])
@@ -176,17 +178,17 @@ def _one_in_the_other(insides, i, j, motions, slack, apart, progress, scratch, s
 def settle_signs(
     insides, poses, pairs, wanted, signed, first, last, every, steps, progress, scratch, answers
 ):  # fmt: skip
-    """Make answers about surfaces into such about signed distances, where `signed` (k,).
+    """Turn answers about surfaces into answers about signed distances, for rows with `signed` (k,).
 
-    The answers (k, ANSWER) are those of `answer_queries` about pairs (k, 2) of bodies at poses
-    (n, 4, 4); first, first + every, ... below last of them. Where the surfaces may meet, or one
-    body lie inside the other, the sign is open, and `lower` is -inf. Then the search counts as cut,
-    unless its upper bound has decided about the clearance: `wanted` (k, 3) is rel_err, abs_err and
-    clearance.
+    `answers` (k, ANSWER) are the rows that `answer_queries` wrote for `pairs` (k, 2) of bodies at
+    `poses` (n, 4, 4). This treats rows first, first + every, ... below last. If the surfaces may
+    meet, or one body may lie inside the other, or has holes (HALF), the sign is open and `lower`
+    becomes -inf. The row then counts as out of time, unless its upper bound already decides about
+    the clearance. `wanted` (k, 3) holds rel_err, abs_err and clearance.
 
-    Returns `last`, or after about `steps` steps the first answer that is not settled; it goes on
-    with `progress` (2, 2), zeros to begin with, and `scratch` (2, 2, m). With no steps at all it is
-    left open whether one body lies inside the other.
+    Returns `last`, or after about `steps` steps the first row that is not settled. The next call
+    continues with `progress` (2, 2), zeros at first, and `scratch` (2, 2, m). If `steps` is 0, it
+    stays open whether one body lies inside the other.
     """
     motions = table_on_stack(2, 12, 0.0)
     where, leave_open = insides.where, steps <= 0

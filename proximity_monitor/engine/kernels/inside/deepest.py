@@ -1,10 +1,11 @@
-"""How deep a surface reaches into a solid: its deepest point, best first.
+"""Find a surface's deepest point in a solid: a best-first search.
 
-Volumes of the surface's hierarchy and pieces of its elements are kept in a heap by a bound of how
-deep they reach. At first that is how far the balls around both models let it be; then the depth of
-their centre and how far they reach from it, or what a plane says above which the solid has nothing
-(`ball_caps`), which is linear, hence largest at a corner. The largest is looked into. Whatever
-stops the search, no point is deeper than the largest bound that is left, or was pruned.
+A heap keeps lanes of the surface's hierarchy and pieces of its elements by an upper bound of their
+depth. The first bound comes from the balls around both models. The next is the depth of the centre
+plus how far the lane or piece reaches from it. Another comes from a plane above which the solid has
+nothing (`ball_caps`); it is linear, so it is largest at a corner. The search examines the entry
+with the largest bound. Whatever stops the search, no point is deeper than the largest bound in the
+heap or of a pruned entry.
 """
 
 from __future__ import annotations
@@ -67,18 +68,19 @@ _SPARE = 0.1
 """As in ball.py."""
 
 _STEPS = 8
-"""What a piece costs beside its descents, in steps of these."""
+"""Cost of a piece besides its descents, in steps."""
 
 
 SOLID = SURFACE = None
-"""The kinds of both trees: others in each entry (see pairs/depths.py)."""
+"""Placeholders. Each entry substitutes the kinds of both trees (see pairs/depths.py)."""
 
 
 def begin_deepest(models, memory, pose, pose_surface, rel_err, abs_err):
     """Start a search for the deepest point of a surface in a solid.
 
-    `models` (2, n, 2) are tables of the solid and of the surface (see solid_table.py), and `memory`
-    that of a Ball whose cells are PIECE; its motion is from the surface's frame to the solid's.
+    `models` (2, n, 2) are the tables of the solid and of the surface (see solid_table.py). `memory`
+    is the table of a Ball whose cells are PIECE. Its motion 0 is from the surface's frame to the
+    solid's. The surface's frame takes the place of a's frame.
     """
     tree, _, region = solid_at(SOLID, models[0])
     surface, _ = tree_at(SURFACE, models[1])
@@ -100,7 +102,7 @@ def begin_deepest(models, memory, pose, pose_surface, rel_err, abs_err):
     at.swept[0], at.swept[1] = tree.scale[SWEPT], np.inf
     at.radius, at.dropped = 0.0, 0.0
     at.size = at.climbs = at.seed = at.seeds = at.points = at.cells = 0
-    for i in range(12):  # the best point is one of the surface's own frame
+    for i in range(12):  # the best point is in the surface's own frame
         state.motions[1, i] = 1.0 if i == 0 or i == 4 or i == 8 else 0.0
     at.task, at.turn, at.height = IDLE, 0, 0
     best.near[0] = 0
@@ -108,7 +110,7 @@ def begin_deepest(models, memory, pose, pose_surface, rel_err, abs_err):
     state.trial[0].depth[1], state.trial[0].side[1] = np.inf, 1
     for i in range(state.order.shape[0]):
         state.order[i] = i
-    # Nothing lies deeper than below the surface of the ball around the solid.
+    # No point of the surface is deeper in the solid than in the ball around the solid.
     ball, other = region.ball, around.ball
     apart = 0.0
     for i in range(3):
@@ -128,7 +130,7 @@ def begin_deepest(models, memory, pose, pose_surface, rel_err, abs_err):
 
 @kernel
 def _keep(surface, parts, state):
-    """Keep the trial point, which is one of the surface, where it is the deepest so far."""
+    """Keep the trial point, a point of the surface, if it is the deepest so far."""
     at, trial, best = state.at[0], state.trial[0], state.best[0]
     depth = certain_radius(trial, at.swept, at.slack)
     if depth > max(at.radius, at.joints):
@@ -143,10 +145,10 @@ def _keep(surface, parts, state):
 
 @kernel
 def _begin(surface, parts, state):
-    """Begin with the next point of the piece with the largest bound, which stays in the heap.
+    """Make the next point of the piece with the largest bound the trial point; keep it in the heap.
 
-    A whole element's corners come first, which may be its deepest points; then its middle, turn 0.
-    Of a lane there is a centre alone.
+    For a whole element, the corners come first, because they may be its deepest points; the middle
+    comes last, at turn 0. A part of an element has its middle alone, a lane its centre.
     """
     at, trial = state.at[0], state.trial[0]
     piece = state.cells[state.order[0]]
@@ -167,7 +169,10 @@ def _begin(surface, parts, state):
 
 @kernel
 def _bound(tree, region, state, centre, half, row):
-    """The bound of the cuboid (centre, half) along the present axes, by a plane: (row?, steps)."""
+    """Write to `row` a bound of the cuboid (centre, half) by a plane; return (found, steps).
+
+    The cuboid is in the search's frame.
+    """
     at, trial = state.at[0], state.trial[0]
     tolerated = limit_of(at) - at.radius
     most = max(limit_of(at) - trial.depth[0], 2.0 * _SPARE * tolerated)
@@ -179,7 +184,7 @@ def _bound(tree, region, state, centre, half, row):
 
 @kernel
 def _axes_in(axes, u, v):
-    """Make the first two axes those of a plane that two vectors lie in, if they tell one."""
+    """Set the first axis along u, and the second in the plane of u and v if they span one."""
     take_axes(axes, u)
     first = (axes[0, 0], axes[0, 1], axes[0, 2])
     second = unit(along(v, first, -dot(v, first)))
@@ -198,7 +203,7 @@ def _into_axes(axes, v, out):
 
 @shared
 def _end_lane(tree, region, surface, parts, state, lane, bound):
-    """Bound what is under a lane, whose centre is the trial point, and put it into the heap."""
+    """Bound a lane, whose centre is the trial point, and push its children onto the heap."""
     at, trial = state.at[0], state.trial[0]
     centre, radius = sphere_of(surface, lane)
     steps = 0
@@ -237,10 +242,11 @@ def _end_lane(tree, region, surface, parts, state, lane, bound):
 
 @kernel
 def _beside_facet(tree, surface, parts, state, piece, margin):
-    """A bound of how deep a piece reaches, by how far it is from the facet nearest to its middle.
+    """Return a bound of a piece's depth: its largest distance from the facet nearest to its middle.
 
-    That is a convex function of the place (see ball_tangents.py), and so largest at a control
-    point. Along an edge that points into the solid, other bounds shrink no faster than pieces do.
+    The distance is a convex function of the place (see ball_tangents.py), so it is largest at a
+    control point. Along an edge that points into the solid, other bounds shrink no faster than the
+    pieces do.
     """
     at, motion = state.at[0], state.motions[0]
     a, b, c = facet_of(tree, 0, state.trial[0])
@@ -253,7 +259,7 @@ def _beside_facet(tree, surface, parts, state, piece, margin):
 
 @shared
 def _end_piece(tree, region, surface, parts, state, piece, bound):
-    """Bound a piece, whose middle is the trial point, and put its parts into the heap."""
+    """Bound a piece, whose middle is the trial point, and push its parts onto the heap."""
     at, trial = state.at[0], state.trial[0]
     middle, count = place_of(trial), count_of(surface, parts, piece)
     margin = margin_of(surface, parts, piece)
@@ -299,7 +305,7 @@ def _end_piece(tree, region, surface, parts, state, piece, bound):
 
 
 def search_deepest(models, memory, steps):
-    """Go on with a search for at most about `steps` steps; returns ENDED, CUT or FULL."""
+    """Continue a search for about `steps` steps at most; return ENDED, CUT or FULL."""
     tree, _, region = solid_at(SOLID, models[0])
     surface, _ = tree_at(SURFACE, models[1])
     state, parts = ball_at(OF_PIECES, memory), memory_of(surface, memory)
@@ -338,14 +344,14 @@ def search_deepest(models, memory, steps):
 
 
 def write_deepest(models, memory, solid, pose, pose_surface, row):
-    """Write the deepest point of a surface, and the solid's nearest to it, into an answer.
+    """Write the deepest point of a surface, and its foot on the solid, to an answer.
 
     Args:
         models: (2, n, 2) tables, that of the solid first.
-        memory: that of a search for the deepest point.
+        memory: the table of a search for the deepest point.
         solid: which of the two models of the answer the solid is, 0 or 1.
-        pose: (4, 4) the solid's, model to world.
-        pose_surface: (4, 4) the surface's.
+        pose: (4, 4) of the solid, model to world.
+        pose_surface: (4, 4) of the surface, model to world.
         row: (ANSWER,) written.
     """
     tree, names, _ = solid_at(SOLID, models[0])

@@ -1,8 +1,9 @@
-"""The nearest points of a solid's elements: what the search for balls asks of each kind of them.
+"""Nearest points on a solid's elements: the functions that the search for balls needs of each kind.
 
-A tree says by its type which kind they are of; numba chooses when it compiles (see `implements`).
-Here are the stubs, and those of triangles. A POINT says of solid k which element is nearest, and
-`spot` where on it, if its kind needs that.
+The foot of a point is the nearest point of the solid's nearest element. The type of the tree tells
+the kind of its elements; numba chooses the implementation when it compiles (see `implements`). This
+file has the stubs and the implementations for triangles. A POINT holds the nearest element of solid
+k in `near`, and, if the kind needs it, the place on that element in `spot`.
 """
 
 from __future__ import annotations
@@ -18,47 +19,47 @@ from .nearest import begin_nearest, nearest, point_triangle
 
 
 def seek(tree, p, k, at, point, stack, reached, found, steps):
-    """Go on to find the element nearest to p, `point` in the frame of solid k; returns steps left.
+    """Continue to search for the element nearest to p; return the steps left. A stub.
 
-    Writes the element, its distance, and by how much less the distance may be (`POINT.loose`).
-    Where the steps do not suffice, `at.height` is not 0, and the descent goes on with what `point`
-    and the stack hold.
+    p is the place of `point` in the frame of solid k. Writes to `point` the element, its distance,
+    and how much smaller the true distance may be (`POINT.loose`). If the steps do not suffice,
+    `at.height` is not 0, and the next call continues from `point` and the stack.
     """
 
 
 def foot_of(tree, p, k, point):
-    """The point of solid k's nearest element that is nearest to p, metres, and its parameters."""
+    """Return the foot of p on solid k's nearest element, metres, and its parameters. A stub."""
 
 
 def normal_at(tree, k, point):
-    """The element's unit normal there, or zero."""
+    """Return the unit normal of the nearest element at the foot, or zero. A stub."""
 
 
 def facet_of(tree, k, point):
-    """Three corners of a triangle, or a point thrice, of the surface there."""
+    """Return three corners of a triangle of the surface at the foot, or the foot thrice. A stub."""
 
 
 def bend_at(tree, k, point, n, e, f):
-    """The surface there as heights along n over the plane of e and f, unit vectors of its frame.
+    """Describe the surface at the foot as heights along n over the plane of e and f. A stub.
 
-    Returns whether there is such a height; the place; the slopes along e and f; and the second
-    derivatives along e, along both, and along f, 1/m.
+    n, e and f are unit vectors of the solid's frame. Returns whether there is such a height; the
+    foot; the slopes along e and f; and the second derivatives along e, mixed, and along f, 1/m.
     """
 
 
 def spot_of_row(tree, element, row, side):
-    """The point of an element that an answer tells of: its place, unit normal, and about its size.
+    """Return place, unit normal and rough size of an answer's point on an element. A stub.
 
-    The normal is zero where there is none; sizes are metres.
+    The normal is zero if there is none; lengths are in metres.
     """
 
 
 def middle_of(tree, element):
-    """The same of a point inside the element."""
+    """Return the same as `spot_of_row` for a point inside the element. A stub."""
 
 
 def corner_of(tree, element):
-    """The place of the element's first corner."""
+    """Return the place of the element's first corner. A stub."""
 
 
 @implements(seek, MeshTree)
@@ -97,7 +98,7 @@ def _triangle(tree, k, point):
 
 @kernel
 def _normal_of(a, b, c):
-    """The unit normal of a triangle, or zero; and how large it is, metres."""
+    """Return the unit normal of a triangle, or zero; and the triangle's size, metres."""
     n = cross(sub(b, a), sub(c, a))
     length = np.sqrt(dot(n, n))
     if not length > 0.0:

@@ -34,11 +34,12 @@ from .tolerance import limit_of
 from .visit import at_root, descend
 
 Point = namedtuple("Point", "place slack share spare radius")
-"""The query for the triangle nearest to a point; the answer is (distance, triangle, limit): what
-is nearer by less than is tolerated (see tolerance.py), and so not below the limit, is left out."""
+"""The query for the triangle nearest to a point. The answer is (distance, triangle, limit). Volumes
+not below the limit are pruned: they can improve the distance by less than the tolerance only (see
+tolerance.py)."""
 
 Middle = namedtuple("Middle", "place slack")
-"""The query for a volume whose middle is near a point."""
+"""The query for a volume whose middle is near a point; see `_middle_gaps`."""
 
 _ALL = (1 << WIDTH) - 1
 _TINY = np.float32(1e-30)
@@ -47,10 +48,10 @@ _ZERO, _HALF = np.float32(0.0), np.float32(0.5)
 
 @loop16
 def point_gaps(nodes, base, x, y, z, margin, gaps):
-    """Lower bounds of a point's distance to each lane of the node at `base`, node units.
+    """Write lower bounds of a point's distance to each lane of the node at `base`, node units.
 
-    The distance to a rectangle is that to the projection with both parameters clamped; what is
-    missing to perpendicular axes, and float32, is in the margin (see SINGLE_MARGIN).
+    The nearest point of a rectangle is the projection with both parameters clamped. The margin
+    covers float32 and axes that are not exactly perpendicular (see SINGLE_MARGIN).
     """
     for k in range(WIDTH):
         i = base + uint64(k)
@@ -70,11 +71,11 @@ def point_gaps(nodes, base, x, y, z, margin, gaps):
 
 @loop16
 def _middle_gaps(nodes, base, x, y, z, gaps):
-    """A point's distance to the inner half of each lane's rectangle, node units.
+    """Write a point's distance to the inner half of each lane's rectangle, node units.
 
-    A large volume reaches far beyond what it holds, in its corners most of all: where its middle
-    lies tells better than its bound what is near. The radius of a lane that is unused is far below
-    zero.
+    A large volume reaches far beyond its triangles, most of all in its corners. So the place of its
+    middle predicts better than its bound how near its triangles are. The radius of an unused lane
+    is far below zero.
     """
     for k in range(WIDTH):
         i = base + uint64(k)
@@ -94,7 +95,7 @@ def _middle_gaps(nodes, base, x, y, z, gaps):
 
 @kernel
 def _on_segment(p, a, e):
-    """Nearest point a + s e of a segment, which may be a point: (s, squared distance)."""
+    """Find the nearest point a + s e of a segment or point; return (s, squared distance)."""
     r, ee = sub(p, a), dot(e, e)
     s = clamped(dot(r, e) / ee) if ee > 0.0 else 0.0
     g = along(r, e, -s)
@@ -103,7 +104,7 @@ def _on_segment(p, a, e):
 
 @inlined
 def point_outline(p, a, b, c):
-    """As `point_triangle`, of a triangle's edges alone."""
+    """Do the same as `point_triangle` for a triangle's edges alone."""
     v, best = _on_segment(p, a, sub(b, a))
     w = 0.0
     s, d = _on_segment(p, a, sub(c, a))
@@ -117,7 +118,7 @@ def point_outline(p, a, b, c):
 
 @kernel
 def point_triangle(p, a, b, c):
-    """Nearest point a + v (b - a) + w (c - a) of a triangle, which may be a segment or a point.
+    """Find the nearest point a + v (b - a) + w (c - a) of a triangle, segment or point.
 
     Returns (squared distance, v, w).
     """
@@ -146,7 +147,7 @@ def _lane_middles(query, nodes, base, x, y, z, margin, gaps):
 
 @inlined
 def answer_at(query, distance, t):
-    """The answer to a Point at a distance of triangle t."""
+    """Return the answer to a Point query: `distance` to triangle t, and the limit."""
     return distance, np.int64(t), limit_of(distance, query.share, query.spare, query.radius)
 
 
@@ -166,9 +167,10 @@ def _meet(query, tree, t, answer):
 
 @kernel
 def begin_nearest(tree, p, nearby, stack, bounds):
-    """Begin a search for the point of a model nearest to p, both in its frame, at a triangle.
+    """Begin a search for a model's point nearest to p, with `nearby` as the first triangle.
 
-    Returns what `nearest` goes on with: the distance so far, the triangle, the stack's height.
+    p is in the model's frame. Returns what `nearest` continues with: the distance so far, the
+    triangle, and the stack's height.
     """
     a, b, c = corners(tree.triangles, nearby)
     return np.sqrt(point_triangle(p, a, b, c)[0]), nearby, at_root(stack, bounds)
@@ -176,10 +178,11 @@ def begin_nearest(tree, p, nearby, stack, bounds):
 
 @kernel
 def nearest(tree, p, best, nearby, top, slack, spare, stack, bounds, found, steps):
-    """Go on with a search, at most `steps` steps: (distance, triangle, height, steps left).
+    """Continue a search for at most `steps` steps; return (distance, triangle, height, steps left).
 
-    Metres, triangles in tree order. Where the stack is empty then, the distance is that to the
-    triangle and the true one at most `spare` smaller, right to `slack`.
+    Distances are in metres, triangles in tree order. If the stack is then empty (height 0), the
+    distance is that to the triangle, correct up to `slack`. The true distance is smaller by at most
+    the larger of `slack` and `spare`.
     """
     query = Point(p, slack, 0.0, max(slack, spare), 0.0)
     answer = answer_at(query, best, nearby)
@@ -189,15 +192,15 @@ def nearest(tree, p, best, nearby, top, slack, spare, stack, bounds, found, step
 
 @kernel
 def walk(query, tree, found):
-    """The first element of the leaf where the nearest volume, level by level, leads to.
+    """Descend to the nearest lane on each level; return the first element of the leaf reached.
 
-    That is the nearest by its bound to a Point, or by its middle to a Middle.
+    A Point query takes the lane with the least bound, a Middle query the one with nearest middle.
     """
     child = tree.children[0]
     while child >= 0:
         visit.visit(query, tree, child, np.inf, found)
         least = smallest(found, 0, _ALL)
-        # Where float32 does not serve, the first lane, which is always used, is as good as any.
+        # If float32 does not serve, this takes the first lane, which is always used.
         k = lowest(not_above(found, 0, least + np.float32(1e-6) * (abs(least) + _TINY)))
         child = tree.children[child * WIDTH + k]
     return first_of(child)

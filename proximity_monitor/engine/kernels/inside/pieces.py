@@ -1,7 +1,8 @@
-"""Pieces of a surface's elements: what the search for a deepest point asks of each kind of them.
+"""Pieces of a surface's elements: the functions that the search for a deepest point needs.
 
-A tree says by its type which kind they are of; numba chooses when it compiles (see `implements`).
-A piece lies in the convex hull of its control points. Here are the stubs, and those of triangles.
+The type of the tree tells the kind of its elements; numba chooses the implementation when it
+compiles (see `implements`). A piece is an element or a part of one. It lies in the convex hull of
+its control points. This file has the stubs and the implementations for triangles.
 """
 
 from __future__ import annotations
@@ -16,79 +17,79 @@ from .ball_cells import push
 from .nearest import point_triangle
 
 WHOLE, PART = -1, -2
-"""Lanes of what is none: of a whole element, and of a part of one."""
+"""Values of `PIECE.lane` for pieces that are no lane: a whole element, and a part of one."""
 
 _DRIFT = 256.0 * DOUBLE_EPS
-"""Share of a model's size by which halving may move a triangle's parts off it. An edge's middle
-errs by u of its coordinates, along each axis, more than its ends; and parts are no larger than
-rounding after a hundred halvings, as two halve each edge."""
+"""Share of a model's size by which halving may move a triangle's parts off the triangle. On each
+axis an edge's middle errs by u of its coordinates more than the edge's ends. Two halvings halve
+every edge, so after a hundred halvings a part is no larger than the rounding."""
 
 
 def memory_of(surface, memory):
-    """What else a search needs whose memory is the table `memory`; the `parts` of what follows."""
+    """Return the extra memory (`parts` below) of the search with table `memory`. A stub."""
 
 
 def forget(surface, parts, at):
-    """Begin a search with no pieces."""
+    """Clear all pieces at the start of a search. A stub."""
 
 
 def has_room(surface, parts, at):
-    """Whether there is room for the parts of a piece."""
+    """Return whether there is room for the parts of a piece. A stub."""
 
 
 def push_elements(surface, parts, state, leaf, near, bound):
-    """Put the elements of a leaf into the heap."""
+    """Push the elements of a leaf onto the heap. A stub."""
 
 
 def divide(surface, parts, state, piece, near, bound):
-    """Put the parts of a piece into the heap; returns whether it can be divided.
+    """Push the parts of a piece onto the heap; return whether the piece can be divided. A stub.
 
-    The piece is the first free one, so that it is overwritten.
+    The piece is in the first free slot, so its parts overwrite it.
     """
 
 
 def count_of(surface, parts, piece):
-    """The number of control points; the corners of the piece are among them."""
+    """Return the number of control points; the piece's corners are among them. A stub."""
 
 
 def control_of(surface, parts, piece, i):
-    """A control point, metres."""
+    """Return a control point, metres. A stub."""
 
 
 def margin_of(surface, parts, piece):
-    """What control points may err by, metres, besides what every point of the surface may."""
+    """Return the error of control points beyond that of all surface points, metres. A stub."""
 
 
 def span_of(surface, parts, piece):
-    """Two vectors that the piece is about parallel to."""
+    """Return two vectors that are about parallel to the piece. A stub."""
 
 
 def corners_of(surface, parts, piece):
-    """The number of corners of a whole element."""
+    """Return the number of corners of a whole element. A stub."""
 
 
 def spot_of(surface, parts, piece, corner):
-    """A point of the piece: its middle, or from 1 on a corner of a whole element.
+    """Return a point of the piece: its middle (corner 0), or a whole element's corner (from 1 on).
 
-    Its place, and the weights that tell where it is on its element, where `spot_at` needs them.
+    Returns the place and, if `spot_at` needs them, weights that locate it on its element. A stub.
     """
 
 
 def is_left(surface, parts, piece, weights):
-    """Whether a point of it, by its weights, surely belongs to the surface."""
+    """Return whether the piece's point with these weights surely is on the surface. A stub."""
 
 
 def element_of(surface, parts, piece):
-    """The element that it is a piece of."""
+    """Return the element that the piece is part of. A stub."""
 
 
 def spot_at(surface, element, best):
-    """The point of a POINT on an element: its place, metres, and what `Feature.parameters` is."""
+    """Return a POINT's place on an element, metres, and its `Feature.parameters`. A stub."""
 
 
 @kernel
 def push_lane(state, lane, near, bound):
-    """Put a lane's volume into the heap."""
+    """Push a lane's volume onto the heap."""
     at = state.at[0]
     cell = state.cells[state.order[at.size]]
     cell.lane, cell.near = lane, near
@@ -139,7 +140,7 @@ def _push_triangles(surface, parts, state, leaf, near, bound):
 @implements(divide, MeshTree)
 @kernel
 def _halve(surface, parts, state, piece, near, bound):
-    """Across the longest edge."""
+    """Halve the triangle across its longest edge."""
     p, q, r, triangle = _corner(piece, 0), _corner(piece, 1), _corner(piece, 2), piece.part
     pq, qr, rp = sub(p, q), sub(q, r), sub(r, p)
     a, b, c = dot(pq, pq), dot(qr, qr), dot(rp, rp)

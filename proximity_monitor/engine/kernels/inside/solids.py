@@ -1,4 +1,4 @@
-"""What signed distances need of a mesh beyond its hierarchy: where its inside is, parts, owners."""
+"""What signed distances need of a mesh beyond its hierarchy: its inside, its parts and volumes."""
 
 from __future__ import annotations
 
@@ -11,23 +11,24 @@ from ..base.precise import two_sum
 from ..base.vectors import cross, dot
 
 Region = namedtuple("Region", "inside samples ball box rim rim_tree moments")
-"""A mesh as the kernels of signed distances see it, beside its Tree.
+"""A mesh as the kernels of signed distances see it, besides its tree.
 
-inside, one of the following; samples (int32, k) one vertex of every connected part, as 3 times the
-triangle, in tree order, whose first corner it is; ball (4,) centre and radius of a sphere around
-it, metres; and where the inside is HALF: box (2, 3) the lowest and the highest corner of all,
-metres; rim, metres, how long its open edges are together; rim_tree, the hierarchy of these; and
-moments (k, MOMENTS) of what is under each lane (angles.py).
+inside, one of the values below; samples (int32, k), one vertex of every connected part: it is the
+first corner of a triangle, and the sample is 3 times that triangle's number in tree order; ball
+(4,), centre and radius of a sphere around the mesh, metres. The rest is for the inside HALF: box
+(2, 3), the mesh's lowest and highest coordinates, metres; rim, the total length of its open edges,
+metres; rim_tree, the hierarchy of these edges; and moments (k, MOMENTS) of every lane (angles.py).
 """
 
 NOWHERE, WHOLE, HALF = 0, 1, 2
-"""Where a mesh has an inside: nowhere, it is a surface; where its winding number, a whole one, is
-not 0; or where that is more than one half either way, within its ball and its box."""
+"""Where a mesh has an inside. NOWHERE: it is a mere surface. WHOLE: where its winding number, an
+integer, is not 0. HALF: where its winding number exceeds one half in magnitude, within its ball and
+its box; the mesh has holes."""
 
 
 @allocating
 def _sorted_by(key, count, order):
-    """`order` sorted by key[order], stable; keys are 0 to count - 1 (counting sort)."""
+    """Return `order` sorted by key[order], stable; keys are 0 to count - 1 (counting sort)."""
     starts = np.zeros(count + 1, np.int32)
     for i in order:
         starts[key[i] + 1] += 1
@@ -42,17 +43,18 @@ def _sorted_by(key, count, order):
 
 @allocating_entry
 def unpaired_edges(faces, vertices):
-    """Edges of closed faces that are not passed as often one way as the other.
+    """Count the edges that faces do not traverse equally often in both directions.
 
     Args:
-        faces: (m, 3) int32, vertices of equal place named alike. Faces that repeat one are left
-            out.
+        faces: (m, 3) int32; vertices at the same place have the same number. Faces that repeat a
+            vertex are skipped.
         vertices: (n, 3) metres.
 
     Returns:
-        How many faces were looked at; how many edges belong to an odd number of faces, and how many
-        others are passed more often one way; (2, 2) the vertices of the first of either kind; how
-        long all these edges are together, metres, each as often as it is left over one way.
+        The number of faces used; the number of edges of an odd number of faces; the number of other
+        edges that are traversed more often one way; (2, 2) the vertices of the first edge of either
+        kind; and the total length of all these edges, metres, each counted as often as one
+        direction outnumbers the other.
     """
     count = len(vertices)
     low, high = np.empty(3 * len(faces), np.int32), np.empty(3 * len(faces), np.int32)
@@ -102,14 +104,14 @@ def _root(parent, i):
 
 @allocating_entry
 def connected_parts(faces, count):
-    """Connected parts of a mesh.
+    """Find the connected parts of a mesh.
 
     Args:
-        faces: (m, 3) int32; corners in tree order, vertices of equal place named alike.
-        count: how many vertices there are.
+        faces: (m, 3) int32, in tree order; vertices at the same place have the same number.
+        count: the number of vertices.
 
     Returns:
-        part (m,) int32 of each triangle, numbered from 0; samples (k,) int32 as in Region, one a
+        part (m,) int32 of each triangle, numbered from 0; samples (k,) int32 as in Region, one per
         part.
     """
     m = faces.shape[0]
@@ -134,7 +136,7 @@ def connected_parts(faces, count):
 
 @kernel
 def _edge(triangles, t, corner, origin, unit):
-    """From the first corner of the triangle `origin` to a corner of triangle t, in units."""
+    """Return the vector from the first corner of triangle `origin` to a corner of t, in units."""
     return (
         (triangles[t, 3 * corner] - triangles[origin, 0]) / unit,
         (triangles[t, 3 * corner + 1] - triangles[origin, 1]) / unit,
@@ -144,16 +146,17 @@ def _edge(triangles, t, corner, origin, unit):
 
 @allocating_entry
 def part_volumes(triangles, unit, part, samples):
-    """Six times the volume that each part encloses, and the sum of its terms' magnitudes, (k, 2).
+    """Return six times each part's enclosed volume, and the sum of its terms' magnitudes, (k, 2).
 
-    In cubes of `unit` metres, a power of two; triangles (m, 9) metres, part and samples as
-    parts_and_owners returns them. Each determinant errs by less than 8 u of its terms (Shewchuk
-    1997, section 4.3), the differences that it is of by 3 u; what the sum loses is carried along.
+    The volumes are in cubes of `unit` metres; `unit` is a power of two. `triangles` is (m, 9)
+    metres; `part` and `samples` come from `connected_parts`. Each determinant errs by less than 8 u
+    of its terms (Shewchuk 1997, section 4.3), and the differences in it by 3 u. The rounding errors
+    of the sum are accumulated and added (compensated summation).
     """
     found, lost = np.zeros((samples.shape[0], 2)), np.zeros(samples.shape[0])
     for t in range(triangles.shape[0]):
         k = part[t]
-        origin = samples[k] // 3  # a corner of the part: seen from afar its volume would be noise
+        origin = samples[k] // 3  # a corner of the part: from afar its volume would be noise
         a = _edge(triangles, t, 0, origin, unit)
         b = _edge(triangles, t, 1, origin, unit)
         c = _edge(triangles, t, 2, origin, unit)

@@ -1,8 +1,9 @@
-"""How much nearer than the point that was found another one may be.
+"""The tolerance of a nearest-point search: how much nearer another point may be than the one found.
 
-With a share of the distance of a model swept by a ball of some radius, and a spare of metres, what
-is nearer than d by less than max(share (d - radius), spare) is not looked for. That limit rises
-with d, so whatever was left out on the way to the last d is no nearer than the last limit.
+The model is a core swept by a ball of some radius. Once a point of the core at distance d is found,
+the search skips points that are nearer by less than max(share (d - radius), spare). `share` is the
+relative tolerance, `spare` the absolute one in metres. The resulting limit rises with d, so a point
+skipped at an earlier, larger d is no nearer than the last limit.
 """
 
 from __future__ import annotations
@@ -10,30 +11,33 @@ from __future__ import annotations
 from ..base.jit import inlined
 
 LOOSEST = 1e3
-"""Relative errors above it are taken for it: with an infinite one no point would be found, and it
-makes no number of a radius 0."""
+"""Relative errors above this value are replaced by it. With an infinite one, no point would be
+found, and its product with a radius 0 would be NaN."""
 
 
 @inlined
 def share_of_error(rel_err):
-    """The share s of d such that d <= (1 + rel_err) · (1 - s) d."""
+    """Return the share s of d such that d <= (1 + rel_err) · (1 - s) d."""
     rel_err = min(rel_err, LOOSEST)
     return rel_err / (1.0 + rel_err)
 
 
 @inlined
 def spare_of_error(tree, abs_err, least):
-    """The metres that an absolute error spares: no more than the model's size, but the least."""
+    """Return `abs_err`, metres, limited to the model's size, but at least `least`."""
     return max(min(abs_err, tree.scale[2]), least)
 
 
 @inlined
 def limit_of(distance, share, spare, radius):
-    """The distance from which on nothing is looked for, metres."""
+    """Return the distance, metres, from which on the search skips points."""
     return distance - max(share * (distance - radius), spare)
 
 
 @inlined
 def distance_of(limit, share, spare, radius):
-    """A distance to begin with, metres: where nothing is nearer, all is at the limit or beyond."""
+    """Return the initial distance, metres, whose `limit_of` is `limit`.
+
+    If the search finds no point nearer than it, all points are at `limit` or beyond.
+    """
     return max(limit + spare, radius + (limit - radius) / (1.0 - share))

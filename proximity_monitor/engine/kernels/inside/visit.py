@@ -1,15 +1,15 @@
-"""The one way down a single hierarchy, whatever is asked of it, and the visit of a node.
+"""The descent through a single hierarchy, shared by all queries, and the visit of a node.
 
-A query is of a type of its own: for the nearest point (nearest.py), the crossings of a ray
-(winding.py), or the height of a cap (ball_caps.py). Numba sees from its type, when it compiles,
-which implementation of the stubs below is meant, as for kinds of pairs (see search/stubs.py). Every
-query has a `place`, metres in the tree's frame, and a `slack`, metres that rounding may have moved
-it by.
+Each kind of query has its own type: the nearest point (nearest.py), the crossings of a ray
+(winding.py), or the height of a cap (ball_caps.py). From the type, numba chooses at compile time
+the implementations of the stubs below, as for kinds of pairs (see search/stubs.py). Every query has
+a `place`, metres in the tree's frame, and a `slack`, metres by which rounding may have moved the
+place.
 
-Three searches go down a hierarchy in ways of their own. The sum of solid angles (angles.py) asks
-for the moments of what is under a lane, not for its volume. That for parts (contain.py) asks
-whether a volume is so small that one of its points tells for all. That for the deepest point
-(deepest.py) takes the best lane of all, and bounds each by queries of its own.
+Three searches descend in their own way. The sum of solid angles (angles.py) reads the moments of
+a lane's triangles, not the lane's volume. The search for contained parts (contain.py) tests whether
+a volume is so small that one of its points decides for all. The search for the deepest point
+(deepest.py) always takes the best lane of the whole tree, and bounds each lane with other queries.
 """
 
 from __future__ import annotations
@@ -23,35 +23,35 @@ from ..base.rounding import SINGLE_LIMIT, SINGLE_MARGIN
 from ..tree.layout import EMPTY, STRIDE, WIDTH, first_of, last_of
 
 ROOM = 512
-"""Volumes that may be open: a step replaces one by at most sixteen, on each level of a tree, which
-has ten levels at most, as its nodes are full (see tree/build.py)."""
+"""Size of the stack of open volumes. On each level a step replaces one volume by at most sixteen. A
+tree has at most ten levels, because its nodes are full (see tree/build.py)."""
 
 BEYOND = float32(1e30)
-"""Bound of a lane that is unused, or of no interest: beyond every limit."""
+"""Bound of a lane that is unused or irrelevant: beyond every limit."""
 
 TO_THE_END = 1 << 62
-"""Steps that suffice for every descent."""
+"""A number of steps that suffices for every descent."""
 
 
 def lane_gaps(query, nodes, base, x, y, z, margin, gaps):
-    """Write a lower bound of what each lane of the node at `base` adds to the answer: a stub.
+    """Write to `gaps` each lane's lower bound for the query, for the node at `base`. A stub.
 
-    (x, y, z) is the query's place in the node's frame, in node units as the gaps are; `margin` is
-    what float32 and the slack may do to a distance.
+    (x, y, z) is the query's place in the node's frame. It and the gaps are in node units. `margin`
+    covers the error of a distance through float32 and the slack.
     """
 
 
 def limit(query, answer):
-    """The bound, metres, from which on a volume cannot change the answer any more: a stub."""
+    """Return the bound, metres, from which on a volume cannot change the answer. A stub."""
 
 
 def meet(query, tree, t, answer):
-    """The answer when triangle t has been looked at as well: a stub."""
+    """Return the answer updated with triangle t. A stub."""
 
 
 @inlined
 def visit(query, tree, node, most, gaps):
-    """Bound the sixteen lanes of a node; returns the bits of those that may be below `most`."""
+    """Bound the sixteen lanes of a node; return the bits of those that may be below `most`."""
     unit = tree.scale[0]
     p = query.place
     x = p[0] / unit - tree.centres[node, 0]
@@ -64,7 +64,7 @@ def visit(query, tree, node, most, gaps):
         base = uint64(node * STRIDE)
         lane_gaps(query, tree.nodes, base, float32(x), float32(y), float32(z), margin, gaps)
     else:
-        # Too far away for float32, or too small: then every lane is as good as the next.
+        # The node is too far away, or too small, for float32: keep every used lane.
         for k in range(WIDTH):
             gaps[k] = BEYOND if tree.children[node * WIDTH + k] == EMPTY else float32(-np.inf)
     most = most / unit
@@ -73,16 +73,16 @@ def visit(query, tree, node, most, gaps):
 
 @inlined
 def at_root(stack, bounds):
-    """Begin a descent; returns how many volumes are open then."""
+    """Begin a descent with the root; return the number of open volumes, 1."""
     stack[0], bounds[0] = 0, -np.inf
     return 1
 
 
 @inlined
 def descend(query, tree, answer, top, stack, bounds, gaps, steps):
-    """Go on with a descent, at most `steps` steps: (answer, how many are open, steps left).
+    """Continue a descent for at most `steps` steps; return (answer, open volumes, steps left).
 
-    Depth first, the volume with the least bound of each visit on top.
+    Depth first; of the lanes of each visit, the one with the least bound comes first.
     """
     while top > 0 and steps > 0:
         top -= 1

@@ -12,12 +12,12 @@ from ..tree.layout import HALF_U, HALF_V, RADIUS, STRIDE, WIDTH, read_vector, ro
 
 @kernel
 def sphere_of(tree, lane):
-    """Centre and radius, metres, of a sphere around one lane's volume."""
+    """Return centre and radius, metres, of a sphere around one lane's volume."""
     node = lane // WIDTH
     base = uint64(node * STRIDE + lane % WIDTH)
     centre = scaled(add(read_vector(tree.nodes, base), row(tree.centres, node)), tree.scale[0])
     a = np.float64(tree.nodes[base + HALF_U])
     b = np.float64(tree.nodes[base + HALF_V])
-    # Half the rectangle's diagonal, its axes being perpendicular to float32's rounding.
+    # Half the rectangle's diagonal. Its axes are perpendicular up to the rounding of float32.
     radius = np.sqrt(a * a + b * b) + tree.nodes[base + RADIUS]
     return centre, radius * tree.scale[0] * (1.0 + 1e-4)

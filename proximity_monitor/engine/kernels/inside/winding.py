@@ -1,17 +1,17 @@
-"""How often a closed surface winds around a point, as a certified integer.
+"""The winding number of a closed surface around a point, as a certified integer.
 
-This is the way of a ray through any hierarchy, and its crossings of triangles; those of surfaces
-are counted in surface/crossing.py.
+This file traces a ray through any hierarchy and counts its crossings of triangles. Crossings of
+surface patches are counted in surface/crossing.py.
 
 The winding number of a closed mesh (Jacobson et al. 2013, section 3) is the sum of its triangles'
-solid angles over 4 pi, and, what serves here, the number of triangles that leave along any ray from
-the point less the number that enter. Solid angles need a tolerance; crossings need only signs, and
-each sign is either proven or the next ray is tried.
+solid angles over 4 pi. Equivalently, and used here: take any ray from the point; count the
+triangles through which it leaves, minus those through which it enters. Solid angles need a
+tolerance. Crossings need only signs: if a sign cannot be proven, the next ray is tried.
 
-A ray runs along x, forth or back, through space sheared by a slope: (x, y - alpha x, z - beta x).
-Every vertex is rounded in the same way wherever it is used, so the sheared mesh is as closed as the
-given one. Rounding moves a vertex by less than 4 u of its length and the point likewise; a point
-that is farther than that from the surface has the same winding number before and after.
+A ray runs along x, forth or back, through space sheared by slopes: (x, y - alpha x, z - beta x).
+A vertex is rounded in the same way wherever it is used, so the sheared mesh is as closed as the
+given one. Rounding moves a vertex by less than 4 u of its length, and the point likewise. If the
+point is farther than that from the surface, the rounding does not change its winding number.
 """
 
 from __future__ import annotations
@@ -46,13 +46,14 @@ from . import visit
 from .visit import BEYOND, ROOM, TO_THE_END, at_root, descend
 
 Ray = namedtuple("Ray", "place slack alpha beta forth")
-"""The query for the crossings of a ray; the answer is how many there are, or UNKNOWN."""
+"""The query for the crossings of a ray. The answer is the signed number of crossings, or UNKNOWN.
+`forth` is 1 if the ray runs along x, -1 if it runs back."""
 
 UNKNOWN = -(2**31)
-"""Winding number of a point whose every ray grazes an edge. Its vertices widen the bounds."""
+"""Winding number of a point whose every ray grazes an edge. Callers then leave its side open."""
 
 _STEPS = 12
-"""Steps that the winding number of a mesh takes as long as."""
+"""Cost of the winding number of a mesh, in steps."""
 
 _SLOPES = (
     (0.2939453125, 0.1845703125),
@@ -64,18 +65,18 @@ _SLOPES = (
     (0.1513671875, -0.3896484375),
     (0.0322265625, 0.0107421875),
 )
-"""Slopes of the rays: exact in float32, below 1/2, and not those that drawings are made of."""
+"""Slopes of the rays: exact in float32, below 1/2, and unlike the slopes that drawings use."""
 
 _STRETCH = float32(1.25)
-"""What the shear may lengthen across the ray: less than sqrt(1 + 1/2)."""
+"""The shear stretches lengths across the ray by less than this: by at most sqrt(1 + 1/2)."""
 
 _MARGIN = float32(2.0)
-"""Of the margin of volumes, which the shear stretches; its own three roundings are in the reserve.
-"""
+"""Factor on the margin of volumes, because the shear stretches it. The factor also covers the three
+roundings of the shear itself."""
 
 _FLOOR = 1e-200
-"""Square metres below which a sheared triangle's area is taken for noise: the volume made of it
-and of a height stays far above the subnormals."""
+"""Areas of sheared triangles below this, square metres, count as noise. So the product of an area
+and a height stays far above the subnormals."""
 
 _TINY = float32(1e-36)
 _ZERO = float32(0.0)
@@ -83,12 +84,13 @@ _ZERO = float32(0.0)
 
 @loop16
 def _ray_gaps(nodes, base, x, y, z, alpha, beta, forth, margin, gaps):
-    """0, or BEYOND where a ray certainly misses a lane of the node at `base`; (x, y, z) its start.
+    """Write 0, or BEYOND for each lane of the node at `base` that a ray certainly misses.
 
-    The rectangle's shadow along the ray is a parallelogram, swept by the radius. It lies to one
-    side of the start's shadow along some direction, or wholly behind the start. Any direction
-    proves a miss: the centre's own and those across the parallelogram's edges are tried. The floor
-    under a length makes it too long, which is the safe side.
+    (x, y, z) is the ray's start. Projected along the ray, the rectangle is a parallelogram and the
+    start is a point. The ray misses the lane if some direction separates the point from the
+    parallelogram swept by the radius, or if the lane is wholly behind the start. The directions
+    tried are those to the centre and across the parallelogram's edges. _TINY makes the length of a
+    direction too long, which is safe.
     """
     for k in range(WIDTH):
         i = base + uint64(k)
@@ -122,7 +124,7 @@ def _ray_gaps(nodes, base, x, y, z, alpha, beta, forth, margin, gaps):
 
 
 def ray_steps(tree):
-    """Steps that a winding number takes as long as: a stub."""
+    """Return the cost of a winding number, in steps. A stub."""
 
 
 @implements(ray_steps, MeshTree)
@@ -133,9 +135,10 @@ def _ray_steps(tree):
 
 @kernel
 def side_of_origin(ay, az, by, bz):
-    """Sign of a × b in the plane, both differences of rounded coordinates; 0 where uncertain.
+    """Return the sign of a × b in the plane, or 0 if it is uncertain.
 
-    3 u (1 + 6 u) of the terms suffices (Shewchuk 1997, section 4.3); 4 u is simpler.
+    a and b are differences of rounded coordinates. An error of 3 u (1 + 6 u) of the terms would do
+    (Shewchuk 1997, section 4.3); 4 u is simpler.
     """
     left, right = ay * bz, az * by
     value = left - right
@@ -152,10 +155,10 @@ def _sheared(triangles, t, corner, alpha, beta):
 
 @kernel
 def _crossing(triangles, t, p, alpha, beta, forth):
-    """What one triangle adds to the winding number; p is the ray's start, sheared.
+    """Return what one triangle adds to the winding number; p is the ray's start, sheared.
 
-    1 where the ray leaves through it, -1 where it enters, 0 where it misses; UNKNOWN where a sign
-    is uncertain. A triangle without area is missed or uncertain.
+    1 if the ray leaves through it, -1 if it enters, 0 if it misses; UNKNOWN if a sign is uncertain.
+    A triangle without area is missed or uncertain.
     """
     x0, x1, x2 = triangles[t, 0], triangles[t, 3], triangles[t, 6]
     if forth * x0 < forth * p[0] and forth * x1 < forth * p[0] and forth * x2 < forth * p[0]:
@@ -177,7 +180,7 @@ def _crossing(triangles, t, p, alpha, beta, forth):
         return UNKNOWN
     if forth * x0 > forth * p[0] and forth * x1 > forth * p[0] and forth * x2 > forth * p[0]:
         return ab * forth
-    # The volume over the sheared area is how far along x the crossing lies.
+    # The volume divided by the sheared area is the crossing's distance from the start along x.
     side = orientation(a, b, c, p) * ab * forth
     if side == 0:
         return UNKNOWN
@@ -207,11 +210,11 @@ def _meet(query, tree, t, answer):
 
 
 def winding_number(tree, p, slack, stack, gaps):
-    """Winding number of a closed surface around p, both in the model's frame, metres; or UNKNOWN.
+    """Return the winding number of a closed surface around p, or UNKNOWN. A stub.
 
-    Proven for every point within `slack` of p where the surface is farther than 2 `slack`, slack
-    being at least 16 u of the largest coordinates; and as far again as `joints_err`, where that is
-    not 0. A stub: see `implements`.
+    p is in the model's frame, metres. The result holds for every point within `slack` of p if the
+    surface is farther from p than 2 (`slack` + `joints_err`), and `slack` is at least 16 u of the
+    largest coordinates.
     """
 
 
