@@ -1,4 +1,4 @@
-"""Motions: the effects that a scene names, which give the poses of its moving bodies."""
+"""Motions: a scene names effects, which give the poses of its moving bodies."""
 
 from __future__ import annotations
 
@@ -43,8 +43,8 @@ _EFFECTS: dict[str, Maker] = {
     "dynamics": dynamics.from_settings,
     "deform": lambda settings, scene, models, *how: deform.from_settings(settings, scene, models),
 }
-"""Makers of effects, maker(settings, scene, models, live, stopped), by key in a scene's `motion`
-section."""
+"""Makers of effects by their key in a scene's `motion` section. They are called as
+maker(settings, scene, models, live, stopped)."""
 
 
 def from_scene(
@@ -57,17 +57,17 @@ def from_scene(
     """Return the motion that a scene's `motion` section describes: all of its effects together.
 
     Args:
-        scene: as loaded.
+        scene: the loaded scene.
         models: the models of the scene's bodies by name (see `scene.opening.load_models`). None:
             they are loaded when an effect needs them.
-        live: poses are wanted in real time, so an effect that cannot keep up falls behind, as its
-            settings say. Otherwise poses depend only on the time that is asked for.
-        stopped: whether the program is to end: a motion that computes for long asks it between
-            its steps, and then returns early, with poses of any time.
+        live: whether poses are needed in real time. If so, an effect that cannot keep up falls
+            behind, as its settings say. Otherwise poses depend only on the requested time.
+        stopped: returns whether the program is to end. A motion that computes for long calls it
+            between its steps. If it returns True, the motion returns early, with poses of any time.
 
     Raises:
         ValueError: the scene has no such section, or an effect cannot be made, for example because
-            a bag does not match the scene; the message names the file.
+            a bag does not match the scene. The message names the file.
     """
     if scene.motion is None:
         raise ValueError(
@@ -78,13 +78,13 @@ def from_scene(
     effects = [
         _EFFECTS[name](settings, scene, shapes, live, stopped)
         for name, settings in scene.motion.items()
-        if name != "deform" or "dynamics" not in scene.motion  # which then deforms its bodies
+        if name != "deform" or "dynamics" not in scene.motion  # `dynamics` includes the deforming
     ]
     return effects[0] if len(effects) == 1 else Together(effects)
 
 
 class _Models(Mapping):
-    """A scene's models, loaded on first use: most motions need none."""
+    """A scene's models, loaded on first use because most motions need none."""
 
     def __init__(self, scene: Scene) -> None:
         self._scene = scene

@@ -17,9 +17,9 @@ from proximity_monitor.scene.poses import pose_matrices
 class Bag(Motion):
     """Bodies at their last recorded poses, as a subscriber would have seen them.
 
-    The time of a pose is the one at which the recorder received it, as for ``ros2 bag play``; the
-    motion begins `seek_s` after the bag does and ends with the bag. A body without a message so far
-    has no pose yet.
+    The time of a pose is the time when the recorder received it, as for ``ros2 bag play``. The
+    motion begins `seek_s` after the start of the bag and ends with the bag. A body has no pose
+    before its first message.
     """
 
     def __init__(
@@ -31,20 +31,22 @@ class Bag(Motion):
         seek_s: float,
         loop: bool,
     ) -> None:
-        """Read the recorded poses: a million in some ten seconds, with half a GB for that time.
+        """Read the recorded poses.
+
+        Reading a million poses takes some ten seconds, and meanwhile half a GB of memory.
 
         Args:
             path: the bag's folder, or its .mcap or .db3 file.
-            topics: the body that a topic's PoseStamped messages move, or the bodies that the poses
-                of its PoseArray messages move, by topic.
+            topics: by topic, the body that its PoseStamped messages move, or the bodies that the
+                poses of its PoseArray messages move.
             frame: the only accepted frame_id.
-            rate: seconds of the recording in a second of motion.
+            rate: seconds of the recording per second of motion.
             seek_s: seconds to skip at the beginning of the recording.
             loop: whether the motion begins again at the end.
 
         Raises:
-            ValueError: the bag cannot be read, does not match `topics`, or the package rosbags is
-                missing; the message names the file and the topic.
+            ValueError: the bag cannot be read or does not match `topics`, or the package rosbags is
+                missing. The message names the file and the topic.
         """
         recorded = read_tracks(path, topics, frame)
         self._tracks = recorded.tracks
@@ -59,7 +61,7 @@ class Bag(Motion):
 
     @property
     def bodies(self) -> tuple[str, ...]:
-        """The bodies of all topics, in the scene file's order."""
+        """The bodies of all topics, in the order of the topics."""
         return tuple(name for track in self._tracks for name in track.bodies)
 
     @property
@@ -69,7 +71,7 @@ class Bag(Motion):
 
     @property
     def repeats(self) -> bool:
-        """Whether it plays in a loop."""
+        """Whether the bag plays in a loop."""
         return self._loop
 
     def poses(self, t: float) -> dict[str, np.ndarray]:
@@ -85,7 +87,7 @@ class Bag(Motion):
             return _held(self._tracks, t * self._rate + self._seek_s)
         if self._loop:
             t = within_period(t, end_s)
-        # At the end it is the last pose, whatever rounding makes of the time.
+        # At the end, use the bag's own duration, so that rounding does not miss the last pose.
         now = t * self._rate + self._seek_s if t < end_s else self._duration_s
         return _held(self._tracks, now)
 

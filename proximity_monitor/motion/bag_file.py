@@ -28,7 +28,7 @@ class Track:
 
     bodies: tuple[str, ...]
     times: list[float]
-    """Seconds since the bag's beginning at which a message was received, never decreasing."""
+    """Seconds from the start of the bag to the receipt of each message, never decreasing."""
     poses: np.ndarray
     """(messages, bodies, 7): x, y, z in metres, quaternion x, y, z, w of length 1."""
 
@@ -47,12 +47,12 @@ def read_tracks(path: Path, topics: Mapping[str, str | tuple[str, ...]], frame: 
 
     Args:
         path: the bag's folder, or its .mcap or .db3 file.
-        topics: one body for messages of type PoseStamped, or several for PoseArray, by topic.
-        frame: frame_id that each message must have.
+        topics: by topic, one body for messages of type PoseStamped, or several for PoseArray.
+        frame: the frame_id that each message must have.
 
     Raises:
-        ValueError: the message names the file, the topic and the way out. Also if rosbags is
-            missing.
+        ValueError: the bag cannot be read or does not match `topics` or `frame`, or rosbags is
+            missing. The message names the file, the topic and the remedy.
     """
     kinds, messages, start_ns, end_ns = _read(path, topics)
     tracks = []
@@ -70,7 +70,7 @@ def read_tracks(path: Path, topics: Mapping[str, str | tuple[str, ...]], frame: 
 def _read(
     path: Path, topics: Mapping[str, Any]
 ) -> tuple[dict[str, set[str]], dict[str, list[tuple[int, bytes]]], int, int]:
-    """Return types and serialised messages with their times by topic; begin and end."""
+    """Return types and serialised messages with times, by topic; begin and end; all times in ns."""
     try:
         from rosbags.rosbag2 import Reader
     except ImportError as error:
@@ -88,11 +88,11 @@ def _read(
             used = [each for each in bag.connections if each.topic in topics]
             for connection, stamp_ns, raw in bag.messages(used) if used else ():
                 messages[connection.topic].append((stamp_ns, raw))
-            start_ns, end_ns = bag.start_time, bag.end_time - 1  # its end is one past the last
+            start_ns, end_ns = bag.start_time, bag.end_time - 1  # end_time is one past the last
     except Exception as error:
-        # For a damaged file rosbags raises its own ReaderError, and lets through OSError,
+        # For a damaged file, rosbags raises its own ReaderError. It also lets through OSError,
         # struct.error, KeyError, TypeError, AssertionError, and whatever the decompressors and
-        # apsw, which reads .db3 files, raise; a list of all would be wrong with its next version.
+        # apsw (which reads .db3 files) raise. A list of them all might not fit its next version.
         raise ValueError(f"{path}: does not read as a ROS 2 bag: {error!r}") from error
     for topic in topics:
         told = sum(each.msgcount for each in used if each.topic == topic)
@@ -160,7 +160,7 @@ def _track(
 
 @cache
 def _types() -> Any:
-    """The definitions of Jazzy's messages, which take 0.1 s to make."""
+    """Return the message definitions of Jazzy, cached because they take 0.1 s to make."""
     from rosbags.typesys import Stores, get_typestore
 
     return get_typestore(Stores.ROS2_JAZZY)
@@ -172,7 +172,7 @@ def _numbers(pose: Any) -> tuple[float, ...]:
 
 
 def _sound(poses: np.ndarray) -> np.ndarray:
-    """Return poses (n, m, 7) with quaternions of length 1, or raise if one is no pose."""
+    """Normalise the quaternions of poses (n, m, 7); raise ValueError if a row is no pose."""
     with np.errstate(over="ignore", invalid="ignore"):
         lengths = np.linalg.norm(poses[..., 3:], axis=-1, keepdims=True)
     wrong = ~(np.isfinite(poses).all(axis=-1) & (np.abs(lengths[..., 0] - 1.0) <= UNIT_LENGTH))

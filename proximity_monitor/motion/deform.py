@@ -23,31 +23,34 @@ if TYPE_CHECKING:
 class Field:
     """How the control points of a body, such as a mesh's vertices, move, in closed form.
 
-    With c the centre, a unit axis and b the unit direction across it, a point at rest is
-    ``x = c + s a + p``, p perpendicular to a. Let r be the greatest ``|s|`` of these points
-    and ``g = sin(2π f t + φ)``, so that without a phase the body is at rest at t = 0. The fields:
+    Let c be the centre, a the unit vector of the axis, and b a unit vector perpendicular to a. Let
+    a point at rest be ``x = c + s a + p``, with p perpendicular to a. Let r be the greatest ``|s|``
+    of all points, and ``g = sin(2π f t + φ)``. So without a phase, the body is at rest at t = 0,
+    except for wave. The fields:
 
     - stretch: ``c + e^(A g) s a + e^(-A g / 2) p``, which keeps every volume;
     - breathe: ``c + e^(A g) (x - c)``;
-    - twist: ``c + s a + R(a, A g s / r) p``, with R a right-handed turn about a: the farthest end
-      turns by A;
-    - bend: the axis becomes an arc of curvature ``k = A g / r`` towards b, its length kept:
+    - twist: ``c + s a + R(a, A g s / r) p``, where R is a right-handed rotation about a: the
+      farthest end turns by A;
+    - bend: the axis becomes an arc of curvature ``k = A g / r`` towards b and keeps its length:
       ``c + (sin(k s) / k - u sin(k s)) a + ((1 - cos(k s)) / k + u cos(k s)) b + (p - u b)`` with
       ``u = p · b``;
     - wave: ``x + A sin(2π (s / λ - f t) - φ) b``, which travels along a and is never at rest;
-    - morph: through other shapes and back to the one at rest, in equal parts of a period. From one
-      shape to the next each point goes straight, by the share ``sin²(π τ / 2)``, τ from 0 to 1.
+    - morph: through other shapes and back to the shape at rest, in equal parts of a period. From
+      one shape to the next, each point moves on a straight line, by the share ``sin²(π τ / 2)``
+      of it, with τ from 0 to 1.
 
     Attributes:
-        field: its name.
+        field: the name of the field.
         frequency_hz: f.
-        amplitude: A; radians of twist and bend, metres of wave, else a number; unused by morph.
+        amplitude: A; radians for twist and bend, metres for wave, no unit for stretch and breathe;
+            unused by morph.
         phase: φ, radians.
-        axis: (3,) a, model frame; unused by breathe and morph.
-        across: (3,) b, perpendicular to a; of bend and wave.
-        wavelength: λ, metres; of wave.
+        axis: (3,) a, unit vector, model frame; unused by breathe and morph.
+        across: (3,) b, unit vector perpendicular to a; for bend and wave.
+        wavelength: λ, metres; for wave.
         centre: (3,) c, model frame, metres; None: the middle of the points' bounding box.
-        shapes: (k, n, 3) metres, model frame; of morph: where the points are in the other shapes.
+        shapes: (k, n, 3) metres, model frame; for morph: the points of the other shapes.
     """
 
     field: Literal["bend", "twist", "wave", "stretch", "breathe", "morph"]
@@ -61,7 +64,7 @@ class Field:
     shapes: NDArray[np.float64] | None = None
 
     def moved(self, rest: NDArray[np.float64], t: float) -> NDArray[np.float64]:
-        """Return where points (n, 3) of the body at rest are at t seconds; metres, model frame."""
+        """Return the positions at t seconds of points (n, 3) given at rest; metres, model frame."""
         turn = math.tau * self.frequency_hz * t + self.phase
         if self.field == "morph":
             return self._between(rest, turn)
@@ -88,7 +91,7 @@ class Field:
         return centre + self._bent(along, aside, angle)
 
     def _between(self, rest: NDArray[np.float64], turn: float) -> NDArray[np.float64]:
-        """On the way from one of the shapes to the next; `turn` is 2π a period."""
+        """Return the points between one shape and the next; `turn` grows by 2π per period."""
         stops = [rest, *self.shapes]
         place = turn / math.tau % 1.0 * len(stops)
         before = min(int(place), len(stops) - 1)
@@ -98,9 +101,9 @@ class Field:
     def _bent(
         self, along: NDArray[np.float64], aside: NDArray[np.float64], angle: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """The arc's point at each angle k s, with the offset from the axis turned along.
+        """Return the arc's points at the angles k s, plus the offsets from the axis, turned along.
 
-        sin(k s) / k and (1 - cos(k s)) / k are written without a division, as k may be 0.
+        sin(k s) / k and (1 - cos(k s)) / k are computed without a division, because k may be 0.
         """
         height = aside @ self.across
         forward = along * np.sinc(angle / math.pi) - height * np.sin(angle)
@@ -116,8 +119,8 @@ class Deform(Motion):
         """Keep the shapes at rest.
 
         Args:
-            fields: by body name.
-            models: of those bodies, as they are at rest.
+            fields: the fields by body name.
+            models: the models of these bodies, at rest.
         """
         self._fields = dict(fields)
         self._rest = {name: models[name].control_points for name in fields}
@@ -125,22 +128,22 @@ class Deform(Motion):
 
     @property
     def bodies(self) -> tuple[str, ...]:
-        """No bodies: it drives no poses."""
+        """No bodies: this motion drives no poses."""
         return ()
 
     @property
     def period_s(self) -> float | None:
-        """The longest period of a body, seconds; None if nothing moves."""
+        """The longest period of any body, seconds; None if nothing moves."""
         slowest = min((f.frequency_hz for f in self._fields.values() if f.frequency_hz), default=0)
         return 1.0 / slowest if slowest else None
 
     def poses(self, t: float) -> dict[str, np.ndarray]:
-        """Return no pose."""
+        """Return no poses."""
         return {}
 
     @property
     def control_names(self) -> dict[str, str]:
-        """What the control points of each body are called."""
+        """The name of the control points of each body, such as vertices."""
         return dict(self._names)
 
     def control_points(self, t: float) -> dict[str, np.ndarray]:
@@ -167,7 +170,8 @@ def from_settings(settings: Mapping[str, Any], scene: Scene, models: Mapping[str
     """Return the effect that the section `motion.deform` of a scene describes.
 
     Raises:
-        ValueError: a shape to go through has other control points than its body; or is no model.
+        ValueError: a shape to morph through is no model, or differs from its body in the number of
+            control points.
     """
     fields = {}
     for name, each in settings["bodies"].items():
@@ -180,7 +184,7 @@ def from_settings(settings: Mapping[str, Any], scene: Scene, models: Mapping[str
 def _shapes(
     name: str, through: Sequence[Path], scene: Scene, model: Model
 ) -> NDArray[np.float64] | None:
-    """The control points (k, n, 3) of the models that a body becomes, in its frame, metres."""
+    """Return the control points (k, n, 3), metres, body frame, of the shapes to morph through."""
     if not through:
         return None
     body = next(body for body in scene.bodies if body.name == name)

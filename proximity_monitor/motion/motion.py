@@ -10,9 +10,9 @@ import numpy as np
 class Motion(Protocol):
     """Poses of some of a scene's bodies as a function of time.
 
-    An implementation derives from this class, and so has no control points and no joints unless it
-    says otherwise. It may be stateful: asking for a time advances it to there, and a time before
-    the last one starts it again from the beginning, or, in real time, waits there.
+    An implementation derives from this class, so it has no control points and no joints unless it
+    overrides these methods. It may be stateful: a request advances it to the requested time. If
+    that time is before the last one, it starts again from the beginning or, in real time, waits.
     """
 
     @property
@@ -21,15 +21,15 @@ class Motion(Protocol):
 
     @property
     def period_s(self) -> float | None:
-        """Seconds after which the motion repeats or rests; None if it does neither."""
+        """Seconds after which the motion repeats or comes to rest; None if it does neither."""
 
     @property
     def repeats(self) -> bool:
-        """Whether the motion begins again after its period; else it rests."""
+        """Whether the motion begins again after its period; otherwise it rests."""
         return True
 
     def seek(self, t: float) -> None:
-        """Prepare for times from t seconds on, however long that takes.
+        """Prepare for times from t seconds on, without a time limit.
 
         Only a motion that may fall behind in real time needs it (see `motion.from_scene`).
 
@@ -45,7 +45,7 @@ class Motion(Protocol):
 
         Returns:
             (4, 4) float64 matrices that map a model to the world, metres, by body name. A body
-            whose pose is still unknown, as before its first recorded pose, is left out.
+            whose pose is not known yet, as before its first recorded pose, is left out.
 
         Raises:
             ValueError: t is not finite.
@@ -53,11 +53,11 @@ class Motion(Protocol):
 
     @property
     def control_names(self) -> dict[str, str]:
-        """What the control points of each deforming body are called, as `engine.Model` has it."""
+        """The name of the control points of each deforming body; see `engine.Model`."""
         return {}
 
     def control_points(self, t: float) -> dict[str, np.ndarray]:
-        """Return the control points of each deforming body at time t, as `engine.Model` has them.
+        """Return the control points of each deforming body at time t; see `engine.Model`.
 
         Returns:
             By body name, (n, 3) float64 in the frame of its model, in metres.
@@ -77,11 +77,11 @@ class Motion(Protocol):
 
     @property
     def trouble(self) -> str:
-        """What went wrong so far and is no error, and the way out; empty if all is well."""
+        """What went wrong so far without raising an error, and the remedy; empty if all is well."""
         return ""
 
     def describe(self) -> str:
-        """Return one line an effect: what runs, on how many bodies and how fast."""
+        """Return one line per effect: what runs, on how many bodies and how fast."""
 
 
 def counted(number: int, one: str, many: str) -> str:
@@ -90,5 +90,5 @@ def counted(number: int, one: str, many: str) -> str:
 
 
 def within_period(t: float, period_s: float) -> float:
-    """Return the time within a period, seconds. Its end belongs to it, so that this is shown."""
+    """Return the time within a period, seconds. A period includes its end, so the end is shown."""
     return t % period_s or (period_s if t > 0.0 else 0.0)

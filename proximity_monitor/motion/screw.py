@@ -1,15 +1,15 @@
-"""Paths of constant twist: between two keys a body makes one screw motion at constant speed.
+"""Paths of constant twist: between two keys, a body makes one screw motion at constant speed.
 
-From pose A the body moves by ``A exp(s xi)``, 0 <= s <= 1, with the twist xi = (theta k, u) of the
-body frame: it turns by ``s theta`` about the unit vector k while its origin starts out with the
-velocity u. With h = s theta / 2 and u split into its part along k and its part `across`:
+From pose A the body moves as ``A exp(s xi)``, 0 <= s <= 1, with the twist xi = (theta k, u) in the
+body frame: it turns by ``s theta`` about the unit vector k, and its origin starts with the velocity
+u. Let h = s theta / 2, and split u into its part `along` k and its part `across`:
 
     rotation     I + sin(2 h) [k] + 2 sin(h)^2 [k]^2                  (Rodrigues)
     translation  s (along + sinc(h) (cos(h) across + sin(h) k x across))
 
 These are the closed forms of the exponential of SE(3): the chord of an arc is sinc(h) times as long
-as it, and stands at half its angle. For small theta nothing in them cancels or is divided by a
-small number, and at s = 0 they are the exact identity.
+as the arc, and its direction is turned by half of the arc's angle. For small theta, nothing in them
+cancels or is divided by a small number. At s = 0 they are exactly the identity.
 """
 
 from __future__ import annotations
@@ -40,10 +40,10 @@ class Path:
 
 
 def through(times: np.ndarray, positions: np.ndarray, quaternions: np.ndarray) -> Path:
-    """Return the path through key poses that turns the shorter way round between them.
+    """Return the path through key poses that turns the shorter way between them.
 
-    Between opposite orientations both ways are equally long; it takes the right-handed one about
-    the axis of the relative quaternion.
+    If two orientations are half a turn apart, both ways are equally long. The path then takes the
+    right-handed turn about the axis of the relative quaternion.
 
     Args:
         times: (n,) seconds, increasing.
@@ -55,7 +55,7 @@ def through(times: np.ndarray, positions: np.ndarray, quaternions: np.ndarray) -
     ways = np.einsum("nji,nj->ni", poses[:-1, :3, :3], positions[1:] - positions[:-1])
     along = _dot(axes, ways) * axes
     across = ways - along
-    # The formula at the top for s = 1, solved for u; sinc(h) >= 2 / pi because theta <= pi.
+    # The module's formula for s = 1, solved for u; sinc(h) >= 2 / pi because theta <= pi.
     h = 0.5 * angles[:, None]
     back = (np.cos(h) * across - np.sin(h) * np.cross(axes, across)) / _sinc(h)
     return Path(times, poses, axes, angles, along + back)
@@ -69,8 +69,8 @@ def hinged(
     Args:
         times: (n,) seconds, increasing.
         angles: (n,) radians at these times, right-handed about the axis, of any size.
-        origin: (3,) a point of the axis in the world, metres.
-        axis: (3,) its direction in the world, a unit vector.
+        origin: (3,) a point on the axis in the world, metres.
+        axis: (3,) the axis direction in the world, a unit vector.
         pose: (4, 4) of the body at angle 0.
     """
     turned = rotations(axis, angles)
@@ -105,7 +105,7 @@ class Paths:
     """Several paths, evaluated together, so that a hundred bodies cost little more than one."""
 
     def __init__(self, paths: Sequence[Path]) -> None:
-        """Lay the paths' pieces out one after another; each ends with a rest of any length."""
+        """Concatenate the paths' pieces, and end each path with a piece at rest of any length."""
         self._times = [path.times.tolist() for path in paths]
         self._firsts = np.cumsum([0, *map(len, self._times)])[:-1]
         self._begins = _stacked([path.times for path in paths])
@@ -122,7 +122,7 @@ class Paths:
     def at(self, t: float) -> np.ndarray:
         """Return the pose of each body at t seconds, (n, 4, 4), model to world in metres.
 
-        Before its first key and after its last one a body rests there.
+        A body rests at its first key before that key's time, and at its last key after it.
         """
         pieces = [max(bisect_right(times, t) - 1, 0) for times in self._times]
         i = self._firsts + np.array(pieces, dtype=np.intp)
@@ -139,16 +139,16 @@ class Paths:
 
 
 def _turns(before: np.ndarray, after: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return axes (n, 3) and angles (n,), 0 to pi, that lead from quaternions to quaternions.
+    """Return axes (n, 3) and angles (n,), 0 to pi, of the rotations from `before` to `after`.
 
-    They are those of conj(before) * after, in the frame of `before`.
+    They are those of the quaternions conj(before) * after, in the frame of `before`.
     """
     v, w = -before[:, :3], before[:, 3:]
     to, tw = after[:, :3], after[:, 3:]
     vectors = w * to + tw * v + np.cross(v, to)
     scalars = w[:, 0] * tw[:, 0] - (v * to).sum(axis=1)
     vectors = np.where(scalars[:, None] < 0.0, -vectors, vectors)
-    # By the largest component first: the square of a tiny one is 0.
+    # Divide by the largest component first: the square of a tiny component would underflow to 0.
     largest = np.abs(vectors).max(axis=1, initial=0.0)
     axes = vectors / np.where(largest > 0.0, largest, 1.0)[:, None]
     lengths = np.linalg.norm(axes, axis=1)
@@ -157,7 +157,7 @@ def _turns(before: np.ndarray, after: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 
 def _stacked(parts: Sequence[np.ndarray], *shape: int) -> np.ndarray:
-    """Return the rows of all parts, which have one shape; no rows without parts."""
+    """Return the rows of all parts, which have the given shape; no rows if there are no parts."""
     return np.concatenate([np.empty((0, *shape)), *parts])
 
 

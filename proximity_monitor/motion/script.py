@@ -1,4 +1,4 @@
-"""Bodies and joints that follow keys with times."""
+"""Scripted motion: bodies and joints that follow timed keys."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from proximity_monitor.motion.motion import Motion, counted, within_period
 
 
 class Script(Motion):
-    """Screw motions between key poses, hinges and slides, and straight lines between joints' keys.
+    """Bodies that move by screws between key poses, or on hinges and slides; and joints.
 
-    A body rests before its first key and after its last one. At the time of a key the pose is
-    exactly the key's own.
+    A joint's position is linear between its keys. A body rests before its first key and after its
+    last one. At the time of a key, the pose is exactly the key's pose.
     """
 
     def __init__(
@@ -28,12 +28,12 @@ class Script(Motion):
         """Make the paths.
 
         Args:
-            bodies: by name `times` (n,) in seconds, increasing from 0 or more, and one of: key
-                poses, as `positions` (n, 3) in metres and `quaternions` (n, 4) x, y, z, w of
-                length 1; or `values` (n,) in radians of a `hinge` with `origin` (3,), `axis` (3,)
-                of length 1 and `pose` (4, 4) at angle 0; or `values` in metres of a `slide` with
-                `axis` and `pose`.
-            joints: by name `times` (n,) and `values` (n,) in radians or metres.
+            bodies: by name, `times` (n,) in seconds, increasing from 0 or more, and one of these:
+                key poses, as `positions` (n, 3) in metres and `quaternions` (n, 4) x, y, z, w of
+                length 1; or `values` (n,) in radians for a `hinge` with `origin` (3,), `axis` (3,)
+                of length 1 and `pose` (4, 4) at angle 0; or `values` (n,) in metres for a `slide`
+                with `axis` and `pose`.
+            joints: by name, `times` (n,) and `values` (n,) in radians or metres.
             loop: whether all begin again after the latest of all keys.
         """
         self._names = tuple(bodies)
@@ -55,7 +55,7 @@ class Script(Motion):
 
     @property
     def repeats(self) -> bool:
-        """Whether it plays in a loop."""
+        """Whether the script plays in a loop."""
         return self._loop
 
     def poses(self, t: float) -> dict[str, np.ndarray]:
@@ -84,7 +84,7 @@ class Script(Motion):
         return f"script: {', '.join(driven)}, {self._end_s:g} s {how}"
 
     def _time(self, t: float) -> float:
-        """The time within the script."""
+        """Return the time within the script, seconds."""
         if not math.isfinite(t):
             raise ValueError(f"t: {t} is no time")
         return within_period(t, self._end_s) if self._loop and self._end_s else t

@@ -1,4 +1,4 @@
-"""A crankshaft that turns at constant speed, and pistons that follow it by rods of fixed length."""
+"""A crankshaft that turns at constant speed and drives pistons through rods of fixed length."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from proximity_monitor.motion.motion import Motion, counted
 from proximity_monitor.scene.poses import rotations
 
 # How far a direction may be from unit length, two directions from perpendicular, or an offset from
-# the axis (as a fraction of the throw). A millionth covers the rounding of values with seven
-# digits; more is a mistake, and the rods would change their length.
+# the axis (as a fraction of crank_radius). A millionth covers the rounding of values with seven
+# digits. More is a mistake, and the rods would change their length.
 _ALIGNMENT = 1e-6
 
 
@@ -50,7 +50,7 @@ class SliderCrank(Motion):
 
         Args:
             crank: name of the turning body.
-            crank_origin: (3,) a point of its axis, metres.
+            crank_origin: (3,) a point on the crank's axis, metres.
             crank_axis: (3,) unit vector.
             slide_direction: (3,) unit vector, perpendicular to the axis.
             crank_radius: half the stroke, metres.
@@ -59,7 +59,7 @@ class SliderCrank(Motion):
             pistons: by body name, `phase` in radians and `offset` (3,) in metres along the axis.
 
         Raises:
-            ValueError: the message names the key, the problem and the way out.
+            ValueError: a setting is invalid. The message names the key and the problem.
         """
         self._crank = crank
         self._origin = _vector(crank_origin, "crank_origin")
@@ -97,12 +97,12 @@ class SliderCrank(Motion):
 
     @property
     def bodies(self) -> tuple[str, ...]:
-        """The crank and the pistons, in the scene's order."""
+        """The crank, then the pistons in the scene's order."""
         return (self._crank, *(piston.name for piston in self._pistons))
 
     @property
     def period_s(self) -> float | None:
-        """Seconds a turn; None if the crank stands still."""
+        """Seconds per turn; None if the crank stands still."""
         return math.tau / abs(self._speed) if self._speed else None
 
     def poses(self, t: float) -> dict[str, np.ndarray]:
@@ -128,11 +128,11 @@ class SliderCrank(Motion):
 
     def _height(self, phi: float) -> float:
         across = self._radius * math.sin(phi)
-        # A difference of squares as a product: nothing cancels if the rod is barely longer.
+        # A difference of squares as a product: nothing cancels if rod and radius are nearly equal.
         return self._radius * math.cos(phi) + math.sqrt((self._rod - across) * (self._rod + across))
 
     def _turned(self, angle: float) -> np.ndarray:
-        """The crank's pose; its model's origin is at `crank_origin`."""
+        """Return the crank's pose; its model's origin is at `crank_origin`."""
         pose = np.eye(4)
         pose[:3, :3] = rotations(self._axis, np.array(angle))
         pose[:3, 3] = self._origin

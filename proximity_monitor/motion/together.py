@@ -1,4 +1,4 @@
-"""Several motions at once; each drives bodies and joints of its own."""
+"""Several motions at once; each drives its own bodies and joints."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class Together(Motion):
         """Keep the parts.
 
         Raises:
-            ValueError: two of them drive the same body.
+            ValueError: two parts drive the same body.
         """
         self._parts = tuple(parts)
         bodies = self.bodies
@@ -33,7 +33,7 @@ class Together(Motion):
     def period_s(self) -> float | None:
         """The longest of the parts' periods; None if a part has none.
 
-        Shorter ones just go on, so the whole repeats only if they divide the longest.
+        Parts with shorter periods go on, so the union repeats only if these divide the longest.
         """
         periods = [part.period_s for part in self._parts]
         return None if None in periods else max(periods)
@@ -44,7 +44,7 @@ class Together(Motion):
         return any(part.repeats for part in self._parts)
 
     def seek(self, t: float) -> None:
-        """Make all parts ready for times from t seconds on.
+        """Prepare all parts for times from t seconds on.
 
         Raises:
             ValueError: t is not finite.
@@ -62,7 +62,7 @@ class Together(Motion):
 
     @property
     def control_names(self) -> dict[str, str]:
-        """What the control points of all deforming bodies are called."""
+        """The name of the control points of each deforming body."""
         return {name: each for part in self._parts for name, each in part.control_names.items()}
 
     def control_points(self, t: float) -> dict[str, np.ndarray]:

@@ -1,1 +1,1 @@
-"""Many pairs at once: batches, answers carried through motion, schedule, broad phase."""
+"""Many pairs at once: assemblies, batches, answers kept through motion, schedule, broad phase."""

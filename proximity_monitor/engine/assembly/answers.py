@@ -1,4 +1,4 @@
-"""The last answers of many pairs of bodies, certified wherever the bodies have moved since."""
+"""The last answers about many pairs of bodies, kept certified while the bodies move."""
 
 from __future__ import annotations
 
@@ -24,26 +24,26 @@ _UNKNOWN = (math.nan, math.nan, math.nan, -1.0)
 
 _NOTHING = np.full(index.ANSWER, math.nan)
 _NOTHING[[index.LOWER, index.UPPER]] = 0.0, math.inf
-"""The row of no answer."""
+"""The row of a pair without an answer."""
 
 
 class CertifiedIntervals(NamedTuple):
-    """Of k pairs at the present poses: ``lower <= true distance <= upper``."""
+    """Bounds of k pairs at the present poses: ``lower <= true distance <= upper``."""
 
     lower: NDArray[np.float64]
     """(k,) metres."""
     upper: NDArray[np.float64]
-    """(k,) metres; inf where nothing is known."""
+    """(k,) metres; inf if nothing is known."""
     points: NDArray[np.float64]
-    """(k, 2, 3) metres, world: the nearest points of the answer, moved along with their bodies."""
+    """(k, 2, 3) metres, world: the witness points of the answer, moved along with their bodies."""
     still: NDArray[np.bool_]
-    """(k,) the bodies did not move relative to each other by more than rounding."""
+    """(k,) whether the bodies did not move relative to each other by more than rounding."""
     same: NDArray[np.bool_]
-    """(k,) neither body moved at all, so the bounds are exactly those of the answer."""
+    """(k,) whether neither body moved at all, so that the bounds are exactly the answer's."""
 
 
 def no_answers(count: int) -> NDArray[np.float64]:
-    """Rows (count, ANSWER) of pairs that no search has begun, whose distances are not signed."""
+    """Return rows (count, ANSWER) for unsigned distances of pairs that were not searched."""
     rows = np.empty((count, index.ANSWER))
     rows[:] = _NOTHING
     return rows
@@ -53,17 +53,17 @@ class Answers:
     """What is known about pairs of bodies at every moment, between one search and the next.
 
     A distance shrinks by at most the relative motion of the bodies, so the old lower bound minus
-    that motion still holds. The two nearest points, moved along with their bodies, still bound it
-    from above (`kernels/assembly/carry.py` proves both, rounding included). Pairs are rows of a
-    table; `add` gives rows out, and `drop` takes them back. Rows and bodies are given as numpy
-    arrays of any integers.
+    that motion still holds. The two witness points, moved along with their bodies, still give an
+    upper bound (`kernels/assembly/carry.py` proves both, rounding included). Pairs are rows of a
+    table; `add` allocates rows, and `drop` frees them. Rows and bodies are given as numpy arrays
+    of any integer type.
 
     Args:
         models: the bodies' models; several bodies may share one.
         names: the bodies' names in errors.
 
     Raises:
-        TypeError: one of them is no model.
+        TypeError: an element of `models` is no model.
     """
 
     __slots__ = (
@@ -72,10 +72,10 @@ class Answers:
     )  # fmt: skip
 
     poses: NDArray[np.float64]
-    """(n, 4, 4) model to world; all at the origin at first. Only `move` writes them."""
+    """(n, 4, 4) model to world; at first the identity. Only `move` changes them."""
 
     table: NDArray
-    """(m,) the rows, as kernels take them: see `kernels/assembly/carry.py`."""
+    """(m,) the rows as the kernels take them; see `kernels/assembly/carry.py`."""
 
     def __init__(self, models: Sequence[Model], names: Sequence[str]) -> None:
         self._models = check_models(models)
@@ -85,8 +85,8 @@ class Answers:
         self.poses = np.tile(np.eye(4), (count, 1, 1))
         self._versions = np.zeros(count, np.int64)
         self._balls = np.zeros(count, kernel.BALL)
-        self._first = np.zeros((count, 3))  # one point of each, and
-        self._first_features = np.zeros((count, 4))  # where on it that lies
+        self._first = np.zeros((count, 3))  # some point of each body
+        self._first_features = np.zeros((count, 4))  # the feature of that point
         self._places = np.zeros(count, kernel.PLACE)
         self.table = np.zeros(0, kernel.ANSWER)
         self._free = np.empty(0, np.int64)
@@ -96,7 +96,7 @@ class Answers:
         self._place(everything, self.poses, True)
 
     def __copy__(self) -> Answers:
-        """Another one about the same models, with a table of its own."""
+        """Return a copy that shares the models and has its own table."""
         shared = (*self._models, *self._hierarchies)
         return deepcopy(self, {id(each): each for each in shared})
 
@@ -106,7 +106,7 @@ class Answers:
         return self._places["centre"]
 
     def radii(self) -> NDArray[np.float64]:
-        """(n,) metres: the radii of balls that hold the bodies whatever rounding did.
+        """Return the radii (n,) of balls that hold the bodies, rounding included; metres.
 
         If two such balls are farther apart than a range, so are the bodies.
         """
@@ -117,14 +117,14 @@ class Answers:
 
     @property
     def bodies(self) -> tuple[NDArray, ...]:
-        """The bodies as kernels take them: poses, versions, balls and places."""
+        """The bodies as the kernels take them: poses, versions, balls and places."""
         return self.poses, self._versions, self._balls, self._places
 
     def move(self, bodies: NDArray[np.int64], poses: ArrayLike) -> int:
-        """Put bodies (m,) at poses (m, 4, 4); return how many of them were elsewhere before.
+        """Put bodies (m,) at poses (m, 4, 4); return how many of them had another pose before.
 
         Raises:
-            ValueError: a pose that is no rigid motion; it names the body, and nothing has changed.
+            ValueError: a pose is no rigid motion. The message names the body; no pose has changed.
         """
         bodies = np.require(bodies, np.int64, "CAWE")
         return self._place(bodies, np.require(poses, np.float64, "CAWE"), False)
@@ -139,11 +139,11 @@ class Answers:
         return moved
 
     def reshape(self, body: int, displacement: float) -> None:
-        """Note that the model of a body was deformed.
+        """Take note that the model of a body was deformed.
 
         Args:
-            body: which.
-            displacement: metres; no point moved farther than that (`Model.deform`). inf: unknown.
+            body: the body's index.
+            displacement: metres; no point moved farther (see `Model.deform`). inf: unknown.
         """
         self._measure(body)
         if self._hierarchies[body].solid == "robust":
@@ -156,13 +156,16 @@ class Answers:
         self._place(np.array([body]), self.poses[[body]], True)
 
     def _sign_anew(self, rows: NDArray[np.int64]) -> None:
-        """Forget those answers whose kind changed: a solid has got a hole, or lost its last one."""
+        """Set the kinds of signed rows again; forget answers whose kind changed.
+
+        The kind changes if a solid gets its first hole or loses its last one.
+        """
         before = self.table["kind"][rows]
         self.sign(rows, before != kernel.UNSIGNED)
         self._forget(rows[self.table["kind"][rows] != before])
 
     def deformed(self) -> list[int]:
-        """The bodies whose models were deformed since the last `reshape`."""
+        """Return the bodies whose models were deformed since the last `reshape`."""
         pairs = enumerate(zip(self._models, self._hierarchies, strict=True))
         return [body for body, (model, known) in pairs if model._hierarchy is not known]
 
@@ -175,9 +178,10 @@ class Answers:
         return self._rows_of(body)
 
     def add(self, pairs: NDArray[np.int64], signed: NDArray[np.bool_]) -> NDArray[np.int64]:
-        """Give out rows (k,) for pairs of bodies (k, 2) that were never searched.
+        """Allocate and return rows (k,) for pairs of bodies (k, 2) that were never searched.
 
-        `signed` (k,) says whether one of a pair is a solid, so that its distance may be negative.
+        `signed` (k,) says whether a body of the pair is a solid, so that the distance may be
+        negative.
         """
         if len(pairs) > len(self._free):
             self._grow(len(pairs) - len(self._free))
@@ -188,15 +192,15 @@ class Answers:
         return rows
 
     def pairs(self, rows: NDArray[np.int64]) -> NDArray[np.int64]:
-        """The bodies (k, 2) of rows (k,)."""
+        """Return the bodies (k, 2) of rows (k,)."""
         return self.table["bodies"][rows]
 
     def sign(self, rows: NDArray[np.int64], signed: NDArray[np.bool_]) -> None:
-        """Set whether one body of each pair is a solid, for rows (k,) that have no answer yet."""
+        """Set whether a body of each pair is a solid, for rows (k,) that have no answer yet."""
         self.table["kind"][rows] = signed * self._kinds(self.pairs(rows))
 
     def _kinds(self, pairs: NDArray[np.int64]) -> NDArray[np.int64]:
-        """The kinds of the signed distances of pairs (k, 2)."""
+        """Return the kinds of the signed distances of pairs (k, 2): CONTINUOUS or JUMPING."""
         robust = [
             i for i in np.unique(pairs).tolist() if self._models[i]._hierarchy.solid == "robust"
         ]
@@ -205,12 +209,12 @@ class Answers:
         return np.where(jumping, kernel.JUMPING, kernel.CONTINUOUS)
 
     def drop(self, rows: NDArray[np.int64]) -> None:
-        """Take rows back; they must not be used any more."""
+        """Free rows; they must not be used any more."""
         self.table["bodies"][rows] = -1
         self._free = np.concatenate((rows, self._free))
 
     def intervals(self, rows: NDArray[np.int64]) -> CertifiedIntervals:
-        """The certified intervals of rows (k,) at the present poses."""
+        """Return the certified intervals of rows (k,) at the present poses."""
         rows = np.require(rows, np.int64, "CAWE")
         bounds, points = np.empty((len(rows), 2)), np.empty((len(rows), 2, 3))
         motions = np.empty(len(rows), np.int8)
@@ -234,15 +238,15 @@ class Answers:
         points: NDArray[np.float64],
         features: NDArray[np.float64] | None = None,
     ) -> None:
-        """Take answers for rows (k,) at the present poses.
+        """Store answers for rows (k,) at the present poses.
 
         Args:
-            rows: each at most once.
+            rows: the rows, each at most once.
             bounds: (k, 2) metres, certified.
-            points: (k, 2, 3) metres, world: points of the models' triangles that attain the upper
-                bounds (where they are swept, less the radii).
-            features: (k, 2, 4) where they lie on the models: three parameters and the element, as
-                `Model.feature` takes them; None: not known.
+            points: (k, 2, 3) metres, world: the points of the models' cores that attain the upper
+                bounds. If balls sweep the models, the bound is their distance less the radii.
+            features: (k, 2, 4) where the points lie on the models: three parameters and the
+                element, as `Model.feature` takes them; None: not known.
         """
         rows = np.require(rows, np.int64, "CAWE")
         bounds = np.require(bounds, np.float64, "CAWE")
@@ -264,14 +268,14 @@ class Answers:
         return np.flatnonzero((pairs == body).any(axis=1))
 
     def _forget(self, rows: NDArray[np.int64]) -> None:
-        """Forget the answers of rows, so that only one point of either body is known."""
+        """Forget the answers of rows, so that only one point of each body is known."""
         fresh = np.zeros(len(rows), kernel.ANSWER)
         fresh["bodies"] = bodies = self.table["bodies"][rows]
         fresh["kind"] = self.table["kind"][rows]
         fresh["seen"] = -1
         fresh["lower"], fresh["upper"] = -np.inf, np.inf
         fresh["witness"], fresh["features"] = self._first[bodies], self._first_features[bodies]
-        # An answer to no poses, so that no pair counts as still.
+        # NaN equals no pose, so that the pair does not count as still.
         fresh["rotation"] = fresh["translation"] = np.nan
         fresh["stretch"] = self._places["stretch"][bodies]
         self.table[rows] = fresh

@@ -1,4 +1,4 @@
-"""What an assembly is asked, checked."""
+"""The checked query of an assembly."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from ..kernels.assembly.questions import take_pairs
 
 
 class Asked(NamedTuple):
-    """What is asked about some pairs of bodies, checked."""
+    """A checked query about some pairs of bodies."""
 
     poses: NDArray[np.float64]
     """(n, 4, 4) model to world of every body, metres."""
     pairs: NDArray[np.int32]
-    """(k, 2) which bodies."""
+    """(k, 2) the bodies' indices."""
     wanted: NDArray[np.float64]
     """(k, 3) rel_err, abs_err in metres, and clearance in metres."""
     hints: NDArray[np.int32] | None
-    """(k, 2) elements to begin with, in tree order, where they are not negative."""
+    """(k, 2) elements to start the search with, in tree order; negative: none."""
     signed: NDArray[np.bool_]
-    """(k,) whether the answer is a signed distance, or has -inf as lower bound if the bodies may
-    overlap."""
+    """(k,) whether the answer is to be a signed distance. If the bodies may overlap, its lower
+    bound is -inf."""
 
     def part(self, rows: NDArray[np.int64] | NDArray[np.bool_]) -> Asked:
-        """What is asked about some of the pairs."""
+        """Return the query about some of the pairs."""
         hints = None if self.hints is None else self.hints[rows]
         return Asked(self.poses, self.pairs[rows], self.wanted[rows], hints, self.signed[rows])
 
@@ -35,10 +35,10 @@ class Asked(NamedTuple):
 def checked_pairs(
     pairs: ArrayLike, solid: NDArray[np.bool_]
 ) -> tuple[NDArray[np.int32], NDArray[np.bool_]]:
-    """Pairs (k, 2) of bodies, and which of them (k,) are of a body that is `solid` (n,).
+    """Return pairs (k, 2) of bodies, and whether each (k,) has a body that is `solid` (n,).
 
     Raises:
-        ValueError: another shape, or a pair that names no body.
+        ValueError: `pairs` has another shape, or names a body that does not exist.
     """
     given = as_integers(pairs, "pairs", 2, np.int64)
     chosen, of_solids = np.empty(given.shape, np.int32), np.empty(len(given), np.bool_)
@@ -51,11 +51,11 @@ def checked_pairs(
 
 
 def checked_tolerances(given: dict[str, ArrayLike], count: int) -> NDArray[np.float64]:
-    """Numbers that are not negative, by their names, as the columns of an array (count, n).
+    """Return the n named tolerances as the columns of an array (count, n).
 
     Raises:
-        TypeError: no real number.
-        ValueError: neither a number nor (count,), or one that is negative or NaN.
+        TypeError: a value is no real number.
+        ValueError: a value is neither a number nor (count,), or is negative or NaN.
     """
     wanted = np.empty((count, len(given)))
     for column, (name, value) in enumerate(given.items()):

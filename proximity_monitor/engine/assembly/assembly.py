@@ -1,4 +1,4 @@
-"""Many bodies, and the distances of many pairs of them in one call."""
+"""An assembly of many bodies, which finds the distances of many pairs in one call."""
 
 from __future__ import annotations
 
@@ -36,16 +36,16 @@ _NO_HINTS = np.empty((0, 2), np.int32)
 class Assembly:
     """Bodies whose distances are asked for together, tick by tick.
 
-    One compiled call goes through all pairs, so a pair costs no more than its search: some
-    microseconds, to which a `Pair` adds as much again. An assembly belongs to one thread at a time;
-    its models may be shared. A copy, and what comes out of a pickle, has memory of its own.
+    One compiled call searches all pairs, so a pair costs only its search: a few microseconds. A
+    call of `Pair` takes about as long again on top of its search. Only one thread may use an
+    assembly at a time; its models may be shared. A copied or unpickled assembly has its own memory.
 
     Args:
-        models: one a body; bodies may share one. A model that is deformed later is seen anew.
+        models: one per body; bodies may share one. The assembly notices when a model is deformed.
 
     Raises:
-        TypeError: one that is no model.
-        ValueError: there are none.
+        TypeError: an element of `models` is no model.
+        ValueError: `models` is empty.
     """
 
     def __init__(self, models: Sequence[Model]) -> None:
@@ -57,25 +57,25 @@ class Assembly:
         self._deepest = max(self._shapes, key=lambda model: model._hierarchy.depth)
         self._searches: list[Search] = []
         self._insides: Insides | MixedInsides | None = None
-        self._cut: dict[Hashable, Search] = {}  # by the question that they were asked
+        self._cut: dict[Hashable, Search] = {}  # searches that were cut, by their question
         self._depths = LongSearches(coherent=False)
 
     def __reduce__(self) -> tuple[type[Assembly], tuple[Any, ...]]:
-        """Make another one: kernels find the memory of this one by its addresses."""
+        """Pickle the models alone: kernels use the memory of this assembly by its address."""
         return type(self), (self.models,)
 
     def replace(self, body: int, model: Model) -> None:
-        """Give a body another model; hints of answers with the old one are void."""
+        """Give a body another model; hints of answers with the old model become invalid."""
         models = list(self.models)
         models[body] = model
         self.models = tuple(models)
         self._shapes = tuple({id(each): each for each in models}.values())
-        self._hierarchies = []  # the tables are made anew
+        self._hierarchies = []  # so that the tables are made again
         self._insides = None
         self._cut.clear()
         self._depths = LongSearches(coherent=False)
         self._deepest = max(self._shapes, key=lambda model: model._hierarchy.depth)
-        self._searches.clear()  # their memory is that for the models before
+        self._searches.clear()  # their memory was allocated for the old models
 
     def distances(
         self,
@@ -91,37 +91,38 @@ class Assembly:
         budget_s: float | None = None,
         threads: int = 1,
     ) -> Distances:
-        """Minimum distances of pairs of bodies, in the given order, within a budget.
+        """Return the minimum distances of pairs of bodies, searched in order, within a budget.
 
-        Where models are of several kinds, pairs that follow each other take turns by kind: the
-        first 16, the next 16, then 32, 64 and so on. The first pair goes first.
+        If models are of several kinds, pairs are searched in blocks: the first 16, the next 16,
+        then 32, 64 and so on. Within a block, they are grouped by kind. The first pair goes first.
 
         Args:
             poses: (n, 4, 4) model to world of every body, metres.
-            pairs: (k, 2) which bodies.
+            pairs: (k, 2) the bodies' indices.
             rel_err: a number or (k,): as for `engine.distance`.
             abs_err: a number or (k,): as for `engine.distance`; metres.
             clearance: a number or (k,) metres: a pair's search ends as soon as it is certain on
-                which side of it the distance lies (Larsen et al. 1999, section 3, tolerance query):
-                lower > clearance, or upper <= clearance to rounding; `Distances.within` tells them
-                apart. With 0 they tell which pairs collide. None or infinity: it goes on.
-            signed: whether to give signed distances, as `engine.signed_distance` does. Pairs that
+                which side of the clearance the distance lies (Larsen et al. 1999, section 3,
+                tolerance query): lower > clearance, or upper <= clearance to rounding.
+                `Distances.within` tells the two apart. With 0, it tells which pairs collide. None
+                or infinity: the search goes on to the tolerance.
+            signed: whether to return signed distances, as `engine.signed_distance` does. Pairs that
                 are apart then cost little more, overlapping ones about a millisecond. If `upper`
-                has decided about a clearance, `lower` may be -infinity.
+                has decided a clearance, `lower` may be -infinity.
             depth_err: of signed distances, as for `engine.signed_distance`.
-            hints: (k, 2) `hints` of an earlier answer about the same pairs, from which the
+            hints: (k, 2) the `hints` of an earlier answer about the same pairs, from which the
                 search starts; -1 for none.
-            budget_s: seconds; pairs that are not reached have no answer, and the one that is cut
-                has certified bounds. Every call makes some progress: if the next call begins with
-                the pairs that are left, it goes on where it was cut. None: no limit.
-            threads: how many share the work. They change no answer, only which pairs a budget
-                reaches, and how close the bounds of a signed distance are if a clearance ended its
-                search.
+            budget_s: seconds. Pairs that are not reached have no answer, and the pair whose search
+                is cut has certified bounds. Every call makes some progress. If the next call begins
+                with the remaining pairs, it continues the cut search. None: no limit.
+            threads: how many threads share the work. Their number changes no answer, only which
+                pairs a budget reaches, and how tight the bounds of a signed distance are if a
+                clearance ended its search.
 
         Raises:
-            TypeError: a tolerance, clearance or budget that is no real number.
-            ValueError: other shapes, a pair that names no body, a pose of a pair that is no rigid
-                motion, a tolerance, clearance or budget that is negative or NaN.
+            TypeError: a tolerance, clearance or budget is no real number.
+            ValueError: an argument has another shape, a pair names no body, a pose of a pair is no
+                rigid motion, or a tolerance, clearance or budget is negative or NaN.
         """
         start = perf_counter()
         deadline = deadline_of(start, budget_s)
@@ -130,7 +131,7 @@ class Assembly:
         poses = as_poses(poses, "poses")
         if len(poses) != len(self.models):
             raise ValueError(f"{len(poses)} poses of {len(self.models)} bodies")
-        # Where signed distances are asked for, they are those of pairs with a solid.
+        # If signed distances are asked for, only pairs with a solid have them.
         solid = np.array([model.is_solid if signed else False for model in self.models])
         chosen, of_solids = checked_pairs(pairs, solid)
         k = len(chosen)
@@ -146,9 +147,9 @@ class Assembly:
         return Distances(self._signed_rows(asked, depth_err, deadline, threads))
 
     def rows(self, asked: Asked, deadline: float | None, threads: int) -> NDArray[np.float64]:
-        """As `distances` without checks; returns rows (k, ANSWER) as the kernel writes them.
+        """Do as `distances`, without checks; return rows (k, ANSWER) as the kernel writes them.
 
-        A pair that is not searched has NaN as status. The deadline is one of perf_counter.
+        A pair that is not searched has NaN as status. The deadline is a time of `perf_counter`.
         """
         count = len(asked.pairs)
         threads = max(1, min(threads, count))
@@ -164,7 +165,7 @@ class Assembly:
     def _answer(
         self, asked: Asked, runs: list[list[Run]], deadline: float | None, threads: int
     ) -> NDArray[np.float64]:
-        """As `rows`, in runs for each thread."""
+        """Do as `rows`, given the runs of each thread."""
         poses, pairs, wanted, hints, signed = asked
         count = len(pairs)
         queries = np.empty(2 + count * QUERY_NUMBERS, np.int64)
@@ -196,7 +197,7 @@ class Assembly:
     def _signed_rows(
         self, asked: Asked, depth_err: float, deadline: float | None, threads: int
     ) -> NDArray[np.float64]:
-        """As `rows`, with the signed distances of bodies that may overlap, as far as time goes."""
+        """Do as `rows`, with the signed distances of bodies that may overlap, if time allows."""
         poses, pairs, wanted, _, signed = asked
 
         def question(k: int) -> Hashable:
@@ -243,23 +244,23 @@ class Assembly:
             return answers
         if begun:
             open_[[k for k in begun if k < len(open_)]] = True
-        if self._cut:  # there the search of the surfaces must end first
+        if self._cut:  # a search of the surfaces that was cut must end before that of the depth
             open_ &= [not (each and question(k)[0] in self._cut) for k, each in enumerate(open_)]
         open_[:1] &= 0 not in begun
         (chosen,) = open_.nonzero()
         if in_time and len(chosen):
             depths(chosen)
-        elif len(chosen):  # the next call begins with it, so that all come to an end
+        elif len(chosen):  # the next call begins with the first pair's depth: every search ends
             self._depths.resume(single(0))
         return answers
 
     def _pose_name(self, body: int) -> str:
-        """The name of a body's pose in errors."""
+        """Return the name of a body's pose in errors."""
         return f"poses[{body}]"
 
     def _tabulate(self, threads: int) -> None:
-        """Make the tables of all bodies as they are now, and a search for each thread."""
-        # Of the very hierarchies that the tables hold addresses of, which so stay in memory.
+        """Make a search per thread, and the tables of the bodies' shapes if these have changed."""
+        # The tables hold addresses into the hierarchies, so keep these very objects in memory.
         now = [model._hierarchy for model in self._shapes]
         if len(now) != len(self._hierarchies) or any(map(is_not, now, self._hierarchies)):
             self._tables = np.stack([model._hierarchy.table for model in self.models])
@@ -271,7 +272,7 @@ class Assembly:
             self._searches.append(Search(*both, coherent=False, among=self.models))
 
     def _question(self, asked: Asked, k: int) -> Hashable:
-        """Everything that the answer about a pair depends on."""
+        """Return everything that the answer about a pair depends on, as a key."""
         a, b = asked.pairs[k].tolist()
         models, poses = self.models, asked.poses
         return (
@@ -280,9 +281,9 @@ class Assembly:
         )  # fmt: skip
 
     def _allot(self, threads: int, asked: Asked) -> list[tuple[Search, bool]]:
-        """A search for each thread, and whether it begins anew.
+        """Return a search for each thread, and whether the search starts fresh.
 
-        It goes on where it was cut if the thread's first question is the one that it was cut in.
+        A search that was cut continues if the thread's first question is the one it was cut in.
         """
         free, cut = self._searches[:], self._cut
         self._cut = {}
@@ -296,7 +297,7 @@ class Assembly:
         return [(free.pop(), True) if search is None else (search, False) for search in found]
 
     def _begun(self, asked: Asked) -> list[int]:
-        """The questions that searches were cut in."""
+        """Return the indices of the pairs in whose questions searches were cut."""
         found = []
         for question in self._cut:
             (same,) = np.nonzero((asked.pairs == question[:2]).all(axis=1))
@@ -306,14 +307,17 @@ class Assembly:
     def _settle_signs(
         self, asked: Asked, solids: int, answers: NDArray[np.float64], every: int
     ) -> Settle | None:
-        """What makes every so many answers signed ones, if `solids` of them are to be."""
+        """Return a function that turns a thread's answers into signed ones; None if no `solids`.
+
+        `solids` is the number of answers to be signed. A thread has every `every`-th answer.
+        """
         if not solids:
             return None
         if self._insides is None:
             self._insides = insides_of(self.models)
         poses, pairs, wanted, _, signed = asked
         insides, room = self._insides, 1 + 15 * self._deepest._hierarchy.depth
-        progress = np.zeros((every, 2, 2), np.int64)  # for each thread
+        progress = np.zeros((every, 2, 2), np.int64)  # one per thread
         scratch = np.empty((every, 2, 2, room), np.int32)
 
         def settle(first: int, last: int, steps: int) -> int:

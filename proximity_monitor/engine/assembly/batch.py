@@ -1,4 +1,4 @@
-"""One pair of models at many poses, in one call."""
+"""Distances of one pair of models at many poses, in one call."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from .answers import no_answers
 from .assembly import Assembly
 
 _CHUNK = 256
-"""Poses that one thread answers in a row. Each chunk starts without a remembered pair, so the
-answers are the same however many threads there are."""
+"""Poses that one thread answers in sequence. Each chunk starts without memory of earlier poses, so
+the answers are the same for any number of threads."""
 
 
 def distances(
@@ -39,9 +39,10 @@ def distances(
     order: Order = "depth_first",
     threads: int = 1,
 ) -> Distances:
-    """Minimum distances at many poses, in one call.
+    """Return the minimum distances of two models at many poses.
 
-    Successive poses help each other, so a path is cheaper than the same poses shuffled.
+    A search starts from the result at the pose before. So poses along a path are cheaper than the
+    same poses shuffled.
 
     Args:
         a: first model.
@@ -50,23 +51,25 @@ def distances(
         poses_b: (k, 4, 4) model to world, metres.
         rel_err: as for `distance`.
         abs_err: as for `distance`; metres.
-        clearance: metres; as `within`, a search ends as soon as it is certain on which side of it
-            the distance lies, and `Distances.within` tells. With 0, as `collide`, it ends when it
-            is certain whether the models touch or cross. None: it goes on.
-        signed: whether to give signed distances, as `signed_distance` does.
+        clearance: metres; as for `within`, a search ends as soon as it is certain on which side of
+            the clearance the distance lies, and `Distances.within` tells which. With 0, as for
+            `collide`, it ends when it is certain whether the models touch or cross. None: it goes
+            on to the tolerance.
+        signed: whether to return signed distances, as `signed_distance` does.
         depth_err: of signed distances, as for `signed_distance`.
-        budget_s: seconds; poses that are not reached have no answer, and those that are cut have
-            certified bounds. The next call begins these anew, where an `Assembly` would go on.
-            None: no limit. Some microseconds' work is always done.
+        budget_s: seconds. Poses that are not reached have no answer, and those whose search is cut
+            have certified bounds. The next call starts a cut search afresh; an `Assembly` would
+            continue it. None: no limit. A few microseconds of work are always done.
         order: as for `distance`; for the study of searches. Signed distances are always searched
             depth first.
-        threads: how many threads share the work. They change no answer, only which poses a budget
-            reaches.
+        threads: how many threads share the work. Their number changes no answer, only which poses a
+            budget reaches.
 
     Raises:
-        TypeError: a model that is none, a tolerance, clearance or budget that is no real number.
-        ValueError: other shapes, a pose that is no rigid motion (naming it), a tolerance, clearance
-            or budget that is negative or NaN, another order of signed distances.
+        TypeError: a or b is no model, or a tolerance, clearance or budget is no real number.
+        ValueError: an argument has another shape, a pose is no rigid motion (the message names it),
+            a tolerance, clearance or budget is negative or NaN, or another order is given for
+            signed distances.
     """
     start = perf_counter()
     rel_err = check_tolerance("rel_err", rel_err)
@@ -90,7 +93,7 @@ def distances(
             depth_err=depth_err, budget_s=budget_s, threads=threads,
         )  # fmt: skip
     rows = no_answers(count)
-    # As `within` and `collide` ask it.
+    # The same query as those of `within` and `collide`.
     stop = 0.0 if clearance == math.inf else clearance
     limit = math.nextafter(clearance, math.inf)
 
@@ -110,7 +113,7 @@ def distances(
 
 
 class _Poses(Assembly):
-    """One body at k poses and then another one at k poses: 2 k bodies."""
+    """An assembly of 2 k bodies: the first model at k poses, then the second model at k poses."""
 
     def _pose_name(self, body: int) -> str:
         half = len(self.models) // 2

@@ -1,4 +1,4 @@
-"""The broad phase: which of many bodies are near each other, tick by tick."""
+"""The broad phase: find which of many bodies are near each other, tick by tick."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from ..kernels.assembly.sweep import UNSORTED, WIDTH, sweep
 class BroadPhase:
     """Finds all pairs of bodies whose balls meet, by sweep and prune.
 
-    It remembers the bodies' order along an axis, which makes the next call fast and changes no
-    result. The cost grows with the bodies and with the pairs that overlap along that axis, never
-    with all pairs (Thomas et al. 2000, section 5).
+    It remembers the bodies' order along an axis. This makes the next call fast and changes no
+    result. The cost grows with the number of bodies and of pairs that overlap along that axis,
+    never with that of all pairs (Thomas et al. 2000, section 5).
     """
 
     __slots__ = ("_lanes", "_low", "_order", "_pairs")
@@ -27,7 +27,7 @@ class BroadPhase:
         self._pairs = np.empty((1024, 2), np.int64)
 
     def __copy__(self) -> BroadPhase:
-        """Another one that remembers the same, with memory of its own."""
+        """Return a copy that remembers the same order, with its own memory."""
         return deepcopy(self)
 
     def near(
@@ -37,13 +37,13 @@ class BroadPhase:
         moving: NDArray[np.bool_],
         taking_part: NDArray[np.int64],
     ) -> NDArray[np.int64]:
-        """Every pair of balls that meet or touch; rounding may only add to them.
+        """Return every pair of balls that meet or touch; rounding can only add pairs.
 
         Args:
             centres: (n, 3) metres, world.
             radii: (n,) metres, not negative; they include half of a pair's range.
-            moving: (n,); two bodies that do not move are no pair.
-            taking_part: (m,) the bodies to compare, ascending; fastest if the same as before.
+            moving: (n,) whether each body moves; two bodies that do not move are no pair.
+            taking_part: (m,) the bodies to compare, ascending; fastest if the same as last time.
 
         Returns:
             (k, 2) indices, the lower one first, sorted.
@@ -62,7 +62,7 @@ class BroadPhase:
             count = sweep(
                 centres, radii, moving, axis, self._order, self._low, self._lanes, self._pairs
             )
-            if count == UNSORTED:  # the lower ends are there, so this happens once
+            if count == UNSORTED:  # sort by the lower ends that it wrote, so this happens only once
                 self._order = self._order[np.argsort(self._low[self._order])]
             elif count > len(self._pairs):
                 self._pairs = np.empty((count + count // 2, 2), np.int64)

@@ -1,4 +1,4 @@
-"""Pairs that are searched one by one, because that takes long, with what outlives a call of it."""
+"""Searches that take long: pairs are searched one by one, and searches are kept between calls."""
 
 from __future__ import annotations
 
@@ -24,40 +24,40 @@ if TYPE_CHECKING:
     from .assembly import Assembly
 
 KEPT = 64
-"""How many searches are kept; each takes some tens of kilobytes, and more for solids."""
+"""How many searches are kept. Each takes some tens of kilobytes, more for solids."""
 
 _CHUNK = 64
-"""Pairs that one thread answers in a row. Each chunk starts with nothing remembered, so the answers
-are the same however many threads there are."""
+"""Pairs that one thread answers in sequence. Each chunk starts without memory of earlier pairs, so
+the answers are the same for any number of threads."""
 
 _SLICE_S = 0.02
-"""Between two looks of one of several threads whether Ctrl-C was pressed: a single one hears it
-whenever a kernel returns. Then what the search finds depends on no clock, but for deadlines."""
+"""Seconds between two checks for Ctrl-C by one of several threads. A single thread needs no slices,
+as it hears Ctrl-C whenever a kernel returns. So its result depends on no clock but a deadline."""
 
 _DECIDING_S = 0.2e-3
-"""The same where it is looked at, besides, whether a signed distance decides a clearance."""
+"""Seconds between two checks whether the bounds of a signed distance decide a clearance."""
 
 BEGIN_FIRST_S, _BEGIN_S = 2e-4, 1e-4
-"""Seconds that it may take to begin a search: with less left, it waits for another call. The first
-one of a call takes three times as long as the others, as the processor's caches do not hold what it
-needs."""
+"""Seconds that a search may take to begin: the first search of a call, and each later one. If less
+time is left, the search waits for another call. The first one takes three times as long, because
+the processor's caches do not hold what it needs."""
 
 END_S = 3e-5
 """Seconds that a call takes to end after it has searched for depths."""
 
 _FAR = 8.0
-"""At so many radii, the first volumes prove that two bodies are apart."""
+"""At a distance of this many radii, the first bounding volumes prove that two bodies are apart."""
 
 _ASK_S, _MOST_ASKED = 1.0, 8
-"""Budget of each question that is asked to compile what it needs; and how often it is asked at the
-most, as a search has fewer stages whose kernels are compiled one after the other."""
+"""Budget (seconds) of a question that is asked to compile its kernels, and how often it is asked at
+most. A search has fewer stages whose kernels are compiled one after the other."""
 
 
 class Single(NamedTuple):
     """A question about one pair."""
 
     key: Hashable
-    """By which its search is kept: all that the answer depends on, or which bodies they are."""
+    """The key under which the search is kept: all that the answer depends on, or the bodies."""
     models: tuple[Model, Model]
     poses: NDArray[np.float64]
     """(2, 4, 4) model to world."""
@@ -66,15 +66,16 @@ class Single(NamedTuple):
     signed: bool
     """Whether the signed distance is asked for."""
     known: NDArray[np.float64] | None = None
-    """(ANSWER,) of signed distances: what a search of the surfaces has found, if there was one."""
+    """(ANSWER,) for a signed distance: the answer of an earlier search of the surfaces, if any."""
 
 
 class LongSearches:
-    """Searches of single pairs. Those that were not used for longest are forgotten first.
+    """Searches of single pairs. The least recently used ones are forgotten first.
 
     Args:
-        coherent: whether every search is kept, so that an answer helps the next about the same key;
-            else those alone that a deadline cut, so that an answer depends on its question alone.
+        coherent: True: every search is kept, so that an answer speeds up the next one with the same
+            key. False: only searches that a deadline cut are kept, so that an answer depends only
+            on its question.
     """
 
     def __init__(self, coherent: bool) -> None:
@@ -84,9 +85,10 @@ class LongSearches:
     def resumed(
         self, keys: Callable[[int], Hashable], count: int, possible: Callable[[Hashable], bool]
     ) -> list[int]:
-        """The questions of which a search is kept; those that no question resumes are forgotten.
+        """Return the numbers of the questions whose search is kept; forget all other searches.
 
-        It is first asked of each whether that is `possible`: to make all keys takes far longer.
+        `keys` makes the key of a question. `possible` first discards kept keys that no question can
+        have, because making the keys of all questions takes far longer.
         """
         if not self._kept:
             return []
@@ -101,17 +103,18 @@ class LongSearches:
         return list(found.values())
 
     def resume(self, asked: Single) -> None:
-        """Let the search about a signed distance count as one that is kept: it has not begun."""
+        """Keep a search of a signed distance that has not begun, for the next call to begin it."""
         pair = self._kept[asked.key] = Pair(*asked.models)
         pair.signed_search().known = asked.known
 
     def prepare(
         self, asked: Single, depth_err: float, deadline: float
     ) -> NDArray[np.float64] | None:
-        """Do a part of what it takes to begin a signed distance that is kept, if time is short.
+        """If time is short, do a part of the work of beginning a kept search of a signed distance.
 
-        Returns what is known of it (ANSWER,), as that is work enough; or None if it has begun, or
-        there is time until the deadline, of `perf_counter`: then `search` goes on.
+        Return the known answer (ANSWER,) if a part was done: that is work enough for this call.
+        Return None if the search has begun, or there is time until the deadline (of
+        `perf_counter`): then call `search`.
         """
         if perf_counter() + _BEGIN_S < deadline:
             return None
@@ -128,20 +131,21 @@ class LongSearches:
         deadline: float,
         threads: int,
     ) -> NDArray[np.float64]:
-        """Search pair by pair, in this order, as far as the deadline allows.
+        """Search pair by pair, in order, until the deadline.
 
-        A search that was cut goes on where it stopped. Some work is done on the first pair whatever
-        the deadline.
+        A search that was cut continues where it stopped. Some work is always done on the first
+        pair, even after the deadline.
 
         Args:
-            asked: the questions, by number.
-            count: how many there are.
-            depth_err: as for `engine.signed_distance`; with a clearance only the side of it counts.
-            deadline: of `perf_counter`, or infinity.
-            threads: how many share the work.
+            asked: returns a question by its number.
+            count: the number of questions.
+            depth_err: as for `engine.signed_distance`. With a clearance, a search ends as soon as
+                its side is certain.
+            deadline: a time of `perf_counter`, or infinity.
+            threads: how many threads share the work.
 
         Returns:
-            Rows (count, ANSWER), with NaN as status where the deadline came first.
+            Rows (count, ANSWER). The status is NaN if the deadline came before the search.
         """
         rows = np.full((count, index.ANSWER), np.nan)
         kept, step = self._kept, 1 if self._coherent else _CHUNK
@@ -180,7 +184,7 @@ def _search(
     longest: float,
     stopped: Event,
 ) -> tuple[NDArray[np.float64], bool]:
-    """The row of an answer, and whether its search came to an end or decided the clearance."""
+    """Return the row of an answer, and whether its search ended or decided the clearance."""
     rel_err, abs_err, clearance = asked.wanted.tolist()
     deciding = clearance < math.inf
     tolerated = _tolerated(clearance, depth_err)
@@ -206,18 +210,18 @@ def _search(
         if row[index.STATUS] != index.OUT_OF_TIME:
             if not asked.signed or tolerated == depth_err:
                 return row, True
-            tolerated = depth_err  # only a larger ball is more than models deviate by
+            tolerated = depth_err  # the ball found is within the deviations: look for a larger one
         if stopped.is_set() or perf_counter() >= deadline_of(now, left):
             return row, False
 
 
 def _tolerated(clearance: float, depth_err: float) -> float:
-    """What the depth may err by: models that overlap are nearer than any clearance."""
+    """Return the tolerance of the depth: infinite if any overlap decides the clearance."""
     return math.inf if clearance < math.inf else depth_err
 
 
 def prepare(assembly: Assembly) -> None:
-    """Run every kind of search once, those of an assembly's bodies too, to compile them."""
+    """Run every kind of search that an assembly's bodies need once, to compile it."""
     models = assembly.models
     near, far = np.eye(4), np.eye(4)
     far[0, 3] = _FAR * max(float(np.linalg.norm(m.centre)) + m.radius for m in models)
@@ -229,12 +233,13 @@ def prepare(assembly: Assembly) -> None:
     of_all = {"clearance": 0.0, "signed": True, "budget_s": _ASK_S}
     for pair in one_each.values() or [(0, 0)]:
         _compile(assembly.distances, apart, [pair], **of_all)
-    # One solid of meshes, one of surfaces and one of revolution, where there are any.
+    # One solid of each kind that the bodies have: of a mesh, of surfaces, of revolution.
     solids = {solid_kind(m): m for m in reversed(models) if m.is_solid}
     chosen = next(iter(solids.values()), models[0])
     roughly = {"rel_err": 0.5, "budget_s": _ASK_S}
     _compile(Pair(chosen, chosen).distance, near, far, **roughly)
-    # Depths have kernels of their own, for each pair of kinds, and those of surfaces others yet.
+    # Searches for depths have their own kernels for each pair of kinds of solids, and others for
+    # each pair of a solid and a surface.
     surfaces = {k: m for k, m in zip(kinds, models, strict=True) if not m.is_solid}
     for solid, other in combinations_with_replacement(solids.values(), 2):
         pair = Pair(solid, other)
@@ -246,7 +251,10 @@ def prepare(assembly: Assembly) -> None:
 
 
 def _compile(ask: Callable[..., object], *poses: object, **options: object) -> None:
-    """Ask until nothing is compiled any more: that uses up a budget before all has been needed."""
+    """Ask until nothing is compiled any more.
+
+    Compiling uses up the budget before the question needs all of its kernels, so ask it again.
+    """
     for _ in range(_MOST_ASKED):
         begun = perf_counter()
         ask(*poses, **options)

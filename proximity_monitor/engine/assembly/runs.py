@@ -1,7 +1,8 @@
-"""Which compiled entry answers a pair of bodies, and the order of pairs of unlike kinds.
+"""The compiled entry that answers each pair of bodies, and the order of pairs of different kinds.
 
-Each run of pairs of one kind is a call of a compiled entry, which costs about as much as the search
-of a pair of small models. So neighbours in the order that was asked for take their turns by kind.
+Each run of pairs of one kind is one call of a compiled entry. A call costs about as much as the
+search of a pair of small models. So the pairs of a block, which are neighbours in the given order,
+are grouped by kind.
 """
 
 from __future__ import annotations
@@ -19,14 +20,14 @@ from ..questions.slices import Run
 Plan = tuple[NDArray[np.int64], list[list[Run]]]
 
 _FIRST = 16
-"""How many of the pairs that were asked for first take turns by kind; then as many, and then twice
-as many as before each time. So a pair has its turn at most twice as late as without this."""
+"""Size of the first block and of the second one; each further block is twice as large as the one
+before. So after the first block, grouping makes a pair's turn at most twice as late."""
 _KNOWN = 64
-"""Lists of pairs whose plan is remembered."""
+"""Number of lists of pairs whose plans are remembered."""
 
 
 class Runs:
-    """The kinds of some bodies' models, and what follows from them for pairs."""
+    """The entries for pairs of some bodies, by the kinds of their models, and plans of runs."""
 
     def __init__(self, models: Sequence[Model]) -> None:
         kinds = {model._hierarchy.tree_kind: model._hierarchy for model in models}
@@ -36,19 +37,19 @@ class Runs:
         which = np.array([self._entries.index(entry) for entry in entries])
         self._which = which.reshape(len(kinds), -1)[np.ix_(kind, kind)]
         self.only = self._entries[0] if len(self._entries) == 1 else None
-        """The entry of all pairs, or None where they may be of several kinds."""
+        """The entry of all pairs, or None if pairs may be of several kinds."""
         self._known: dict[Hashable, Plan] = {}
 
     def plan(self, pairs: NDArray[np.int32], every: int, ahead: Sequence[int]) -> Plan:
-        """In which order pairs (k, 2) are asked about, and the runs of that order for each thread.
+        """Return the order in which to search pairs (k, 2), and each thread's runs in that order.
 
-        Of `every` threads each takes every so many pairs. Those at `ahead` go first, and the pair
-        that was asked for first has its turn before all others.
+        There are `every` threads; each takes every `every`-th pair. The pairs at `ahead` go first.
+        Of all others, the first pair given goes first.
         """
         key = pairs.tobytes(), every
         if ahead or (found := self._known.get(key)) is None:
             found = self._planned(pairs, every, ahead)
-            if not ahead:  # mostly the pairs are those of the tick before
+            if not ahead:  # the pairs are mostly the same as in the tick before
                 if len(self._known) >= _KNOWN:
                     self._known.clear()
                 self._known[key] = found
@@ -59,14 +60,15 @@ class Runs:
         begins = [0, *(_FIRST << np.arange(max(1, count // _FIRST).bit_length()))]
         block = np.searchsorted(begins, np.arange(count), side="right") - 1
         kind = (asked - asked[:1]) % len(self._entries)
-        kind = np.where(block % 2, len(self._entries) - 1 - kind, kind)  # there and back
+        # Every other block has the kinds in reverse order, so that runs join across blocks.
+        kind = np.where(block % 2, len(self._entries) - 1 - kind, kind)
         turn = block * len(self._entries) + kind
         turn[ahead] = -1
         order = np.argsort(turn, kind="stable")
         return order, [self._runs(asked[order], first, every) for first in range(every)]
 
     def _runs(self, asked: NDArray[np.int64], first: int, every: int) -> list[Run]:
-        """Every so many of the pairs from the first on, whose entries `asked` (k,) names."""
+        """Return the runs of every `every`-th pair from `first` on; `asked` (k,): their entries."""
         own = asked[first::every]
         ends = [*np.flatnonzero(np.diff(own, prepend=-1)).tolist(), len(own)]
         return [

@@ -1,9 +1,10 @@
-"""What is asked about many pairs of bodies, moment by moment, and which pair is searched next.
+"""The queries about many pairs of bodies, moment by moment, and the order of their searches.
 
-Time goes first to pairs whose bounds straddle a level, then to those with the nearest lower bound,
-then to those that were not searched for longest. Of models that overlap the sign comes first, with
-what bounds of the depth come with it; the depth is refined when all else is answered. A pair whose
-bodies did not move relative to each other since its search ended costs nothing.
+A level is a distance that a pair is judged against. Pairs whose bounds straddle a level are
+searched first. Then the pair with the least lower bound goes first, and of equal ones the pair with
+the oldest search. If models overlap, the sign is found first, with whatever bounds of the depth
+come with it; the depth is refined when all else is answered. A pair costs nothing if its bodies did
+not move relative to each other since its search ended.
 """
 
 from __future__ import annotations
@@ -26,56 +27,57 @@ from .assembly import Assembly
 from .long_searches import LongSearches, Single, prepare
 
 REMEMBERED = 100_000
-"""How many pairs that have no row keep their smallest bounds. The oldest are forgotten first."""
+"""How many pairs without a row keep their smallest bounds. The oldest are forgotten first."""
 
 _FIRST = {
     "range": np.inf, "searched_s": -np.inf, "min_upper": np.inf, "min_lower": np.inf, "hint": -1,
 }  # fmt: skip
-"""What a new record begins with, where that is not zero."""
+"""The fields of a new record that do not begin with zero."""
 
 
 class Queries(NamedTuple):
-    """What to ask about m entries of a `Schedule`."""
+    """The queries about m entries of a `Schedule`."""
 
     at: NDArray[np.int64]
     """(m,) the entries."""
     bodies: NDArray[np.int32]
-    """(m, 2)."""
+    """(m, 2) the bodies of each entry's pair."""
     wanted: NDArray[np.float64]
-    """(m, 3) rel_err, abs_err, and a clearance in metres: the search may end when it knows on which
-    side of it the distance lies; infinity: it goes on to the tolerance."""
+    """(m, 3) rel_err, abs_err, and a clearance in metres. The search may end when it is certain on
+    which side of the clearance the distance lies; infinity: it goes on to the tolerance."""
     hints: NDArray[np.int32]
     """(m, 2) see `Assembly`."""
     signed: NDArray[np.bool_]
-    """(m,) whether the sign of the distance is asked for: one is a solid, and may overlap."""
+    """(m,) whether the sign is asked for: a body is a solid, and the bodies may overlap."""
     how: NDArray[np.int8]
     """(m,) Schedule.TOGETHER, ALONE (the search takes long) or INSIDE (alone, and signed)."""
 
     def part(self, start: int, end: int) -> Queries:
-        """The queries from `start` to before `end`."""
+        """Return the queries from `start` to before `end`."""
         return Queries(*(column[start:end] for column in self))
 
 
 class Schedule:
     """The queries about the rows of a table of answers, moment by moment.
 
-    A moment is one call of `update`, then of `search`, then of `report`. An entry is the place of a
-    row among those that were given to `update`. Rows and bodies are given as numpy arrays of any
-    integers, flags as arrays of bool.
+    A moment is a call of `update`, then of `search`, then of `report`. An entry is the position of
+    a row among those given to `update`. Rows and bodies are given as numpy arrays of any integer
+    type, flags as arrays of bool.
 
     Args:
         answers: the table.
-        assembly: of the same bodies.
+        assembly: the assembly of the same bodies.
 
     Raises:
-        ValueError: they are not as many.
+        ValueError: the two have different numbers of bodies.
 
     Attributes:
-        records: (m,) one a row, with fields for others to write: `range` and `levels` (LEVELS,),
-            metres: a pair is asked about only while it may be within its range; `rel_err` and
-            `abs_err` of its distance, or `deciding`: only the side of its levels is asked for;
-            `ignored`: nothing is. And with fields to read: `min_upper`, `min_lower`: the smallest
-            bounds, metres, of all moments at which both poses were certain.
+        records: (m,) one per row. The caller writes these fields: `range` and `levels` (LEVELS,) in
+            metres: a pair is searched only while it may be within its range; `rel_err` and
+            `abs_err`, the tolerance of its distance; `deciding`: only the side of its levels is
+            asked for; `ignored`: nothing is asked for. The caller reads these: `min_upper` and
+            `min_lower`, the smallest bounds (metres) of all moments at which both poses were
+            certain.
     """
 
     LEVELS = kernel.LEVELS
@@ -97,18 +99,18 @@ class Schedule:
         self._reserve(1)
 
     def __copy__(self) -> Schedule:
-        """Another one about the same answers and assembly, with records of its own."""
+        """Return a copy that shares the answers and the assembly, and has its own records."""
         shared = self._answers, self._assembly, *self._assembly.models
         return deepcopy(self, {id(each): each for each in shared})
 
     def _reserve(self, count: int) -> None:
-        """Have memory for so many entries."""
+        """Allocate memory for `count` entries."""
         self._views = np.zeros(count, kernel.VIEW)
         self._at, self._kind = np.empty((2, count), np.int64)
         self._keys = np.empty((2, count))
 
     def prepare(self) -> None:
-        """Run every kernel of a moment once, so that no moment has to compile one."""
+        """Run every kernel of a moment once, so that no moment has to compile a kernel."""
         nothing, nobody = np.empty(0, np.int64), np.zeros(len(self._answers.poses), np.bool_)
         self.update(nothing, nobody, nobody, True)
         self.order()
@@ -136,7 +138,7 @@ class Schedule:
     def end(self, keys: NDArray[np.int64], rows: NDArray[np.int64]) -> None:
         """Keep the minima of pairs whose rows (k,) were dropped.
 
-        A key is the first body's index times the number of bodies, plus the second's.
+        A key is the first body's index times the number of bodies, plus the second body's index.
         """
         left = self.records[rows]
         known = np.isfinite(left["min_lower"])
@@ -151,7 +153,7 @@ class Schedule:
         self.records["min_upper"] = self.records["min_lower"] = np.inf
 
     def replace(self, body: int, model: Model, rows: NDArray[np.int64]) -> None:
-        """Give a body another model; what searches of its pairs' rows (k,) found is forgotten."""
+        """Give a body another model; forget what searches found about its pairs' rows (k,)."""
         self._assembly.replace(body, model)
         self.records["done"][rows] = self.records["hard"][rows] = False
         self.records["hint"][rows] = _FIRST["hint"]
@@ -166,11 +168,11 @@ class Schedule:
         """Begin a moment: find what is certain about rows (k,) at the present poses.
 
         Args:
-            rows: the entries from now on.
-            known: (n,) the bodies whose pose is known.
-            silent: (n,) those whose pose is unknown or too old; their pairs come last.
-            distances: whether anybody wants numbers; if not, pairs are only decided, except those
-                that are at a level.
+            rows: the rows, whose positions are the entries from now on.
+            known: (n,) whether each body's pose is known.
+            silent: (n,) whether each body's pose is unknown or too old; its pairs come last.
+            distances: whether anybody wants distances. If not, only the side of the levels is
+                searched for, except for pairs that are certainly within a level.
         """
         if len(rows) > len(self._views):
             self._reserve(2 * len(rows))
@@ -182,11 +184,12 @@ class Schedule:
         )  # fmt: skip
 
     def order(self) -> NDArray[np.int64]:
-        """The entries that want a search, the most urgent first.
+        """Return the entries that need a search, the most urgent first.
 
-        First come those whose side of a level is open. Then those with the nearest lower bound,
-        and last models that surely overlap, whose depth alone is open; equals in the order of their
-        last searches. Stale ones come after all others.
+        Entries whose side of a level is open come first. Both groups are sorted by lower bound;
+        models that certainly overlap, of which only the depth is open, come last in their group.
+        Equal entries are in the order of their last searches, oldest first. Stale entries come
+        after all others.
         """
         count = kernel.pending(
             self._rows, self.records, self._views, self._at, self._kind, self._keys
@@ -197,7 +200,7 @@ class Schedule:
         return self._at[np.lexsort((searched_s, lower, self._kind[:count]))]
 
     def queries(self, at: NDArray[np.int64]) -> Queries:
-        """The queries about entries (m,)."""
+        """Return the queries about entries (m,)."""
         at = np.require(at, np.int64, "CAWE")
         count = len(at)
         bodies, hints = np.empty((2, count, 2), np.int32)
@@ -212,13 +215,13 @@ class Schedule:
     def search(self, deadline: float, clock: Callable[[], float], threads: int = 1) -> list[int]:
         """Search until every query is answered or the deadline has come.
 
-        A pair that takes long gets half of the time that is left while others want some too, and
-        more of it when they had their turn.
+        A pair whose search takes long gets half of the remaining time while other pairs wait. It
+        gets more when they have had their turn.
 
         Args:
             deadline: seconds of the clock.
-            clock: says when a search ended.
-            threads: how many share the searches.
+            clock: returns the present time, to tell when a search ended.
+            threads: how many threads share the searches.
 
         Returns:
             The entries that were searched, in the order of their first search.
@@ -239,13 +242,13 @@ class Schedule:
                     reached = self._search_singly(part, share, threads, clock)
                 searched.update(dict.fromkeys(reached.tolist()))
                 if together:
-                    break  # what surfaces left open goes before the depths that are only refined
+                    break  # order again: signs that are still open go before depths to refine
         return list(searched)
 
     def search_together(
         self, queries: Queries, budget_s: float, threads: int, clock: Callable[[], float]
     ) -> NDArray[np.int64]:
-        """Search entries in one call, in this order; return those that the budget reached."""
+        """Search entries in one call, in order; return the entries that the budget reached."""
         asked = Asked(
             self._answers.poses, queries.bodies, queries.wanted, queries.hints, queries.signed
         )
@@ -255,7 +258,7 @@ class Schedule:
     def _search_singly(
         self, queries: Queries, budget_s: float, threads: int, clock: Callable[[], float]
     ) -> NDArray[np.int64]:
-        """As `search_together`, each entry by itself."""
+        """Do as `search_together`, but search each entry by itself."""
         models, poses = self._assembly.models, self._answers.poses
 
         def single(k: int) -> Single:
@@ -270,9 +273,9 @@ class Schedule:
     def commit(
         self, queries: Queries, found: NDArray[np.float64], now_s: float
     ) -> NDArray[np.int64]:
-        """Take rows (m, ANSWER) that searches found at `now_s`; return the entries they reached.
+        """Store the rows (m, ANSWER) that searches found at `now_s`; return the entries reached.
 
-        They are of `Assembly.rows`, or of `Pair`: a signed distance for INSIDE.
+        The rows are from `Assembly.rows` or from `Pair`. For INSIDE they are signed distances.
         """
         at = queries.at
         if len(found) != len(at):
@@ -286,17 +289,17 @@ class Schedule:
         return at if count == len(at) else at[reached]
 
     def report(self, now_s: float) -> tuple[NDArray, int]:
-        """What is known of the entries that may be within their range, and how many are open.
+        """Return what is known of the entries that may be within range, and how many are open.
 
         Returns:
-            (l,) records: `at` its entry; `bodies` (2,); `lower` and `upper`, metres, NaN where a
-            pose is unknown; `points` (2, 3) metres, world: `upper` is their distance where it is
-            not negative; `elements` (2,) and `parameters` (2, 3): where the points lie on the
-            models;
-            `status`, a position in `tuple(Status)`, where OUT_OF_TIME stands for all bounds that
-            are wider than asked for, or OVERLAPPING or UNKNOWN; `age_s` since the numbers were an
-            answer to the present poses; `min_upper` and `min_lower` of `records`; `silent` (2,)
-            the bodies whose pose is unknown or too old. And how many entries still want a search.
+            (l,) records, and the number of entries that still need a search. The fields are: `at`,
+            the entry; `bodies` (2,); `lower` and `upper`, metres, NaN if a pose is unknown;
+            `points` (2, 3) metres, world: their distance is `upper` unless that is negative;
+            `elements` (2,) and `parameters` (2, 3): where the points lie on the models; `status`, a
+            position in `tuple(Status)` (OUT_OF_TIME stands for all bounds wider than asked for), or
+            OVERLAPPING or UNKNOWN; `age_s`, seconds since the numbers were an answer to the present
+            poses; `min_upper` and `min_lower` as in `records`; `silent` (2,), whether each body's
+            pose is unknown or too old.
         """
         listed = np.empty(len(self._rows), kernel.LISTED)
         count, left = kernel.report(
@@ -307,7 +310,11 @@ class Schedule:
 
 
 def _turns(alone: NDArray[np.bool_], threads: int) -> Iterator[tuple[int, int]]:
-    """From where to where queries are searched in one call, or side by side where `alone` (m,)."""
+    """Yield start and end of the queries of each call.
+
+    Consecutive queries that are not `alone` (m,) share a call; those that are, go in groups of
+    `threads`.
+    """
     ends = [0, *(np.flatnonzero(alone[1:] != alone[:-1]) + 1).tolist(), len(alone)]
     for start, end in itertools.pairwise(ends):
         step = threads if alone[start] else end - start

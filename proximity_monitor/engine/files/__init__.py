@@ -1,6 +1,7 @@
-"""Model files to models: a reader for each format.
+"""Readers that turn model files into models, one for each format.
 
-Those of triangles do not know the engine: they take a file's bytes and the folder it lies in, and
-return `Triangles` or raise `FormatError`. No library is asked: those for these formats leave out in
-silence what they do not know (polygons, fans, undefined objects) or cannot parse.
+The readers of triangle formats do not depend on the engine: they take a file's bytes and its
+folder, and return `Triangles` or raise `FormatError`. They use no library, because libraries for
+these formats silently skip what they do not support (polygons, fans, undefined objects) or cannot
+parse.
 """

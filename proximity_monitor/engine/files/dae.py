@@ -1,7 +1,8 @@
-"""COLLADA (.dae), in which many robots' meshes come: the triangles of the scene as it stands.
+"""Reader for COLLADA (.dae), a common format of robot meshes: the triangles of the static scene.
 
-The file's unit counts. Its `up_axis` does not, as in RViz and Gazebo: robot descriptions are
-written for these. Materials are not looked at; what they refer to is often missing.
+The reader applies the file's unit. It ignores `up_axis`, as RViz and Gazebo do, because robot
+descriptions are written for these two. It also ignores materials: the images they refer to are
+often missing.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ _CUTTERS: dict[str, Callable[[Reals, Ints, Ints, Where], Ints]] = {
     "tristrips": lambda points, corners, sizes, where: strips(corners, sizes, len(points), where),
     "trifans": lambda points, corners, sizes, where: fans(corners, sizes, len(points), where),
 }
-"""How the corners of each primitive become triangles."""
+"""The function that cuts each kind of primitive into triangles."""
 _INSTANCES = ("instance_geometry", "instance_node", "instance_controller")
 
 
@@ -55,7 +56,7 @@ class _Document:
         self._parts = Parts()
 
     def triangles(self) -> Triangles:
-        """All triangles in the frame of the scene."""
+        """Return all triangles, in the frame of the scene."""
         stated = self._root.find("asset/unit")
         unit = 1.0 if stated is None else real_list(stated.get("meter", "1"), "<unit meter>", 1)[0]
         if not 0.0 < unit < math.inf:
@@ -75,7 +76,7 @@ class _Document:
         return self._parts.joined(float(unit))
 
     def _named(self, kind: str, link: Element) -> Element:
-        """What an instance refers to."""
+        """Return the one element of a kind that an instance refers to by its url."""
         url = need(link, "url")
         found = [each for each in self._root.iter(kind) if f"#{each.get('id')}" == url]
         if len(found) != 1:
@@ -83,11 +84,11 @@ class _Document:
         return found[0]
 
     def _place(self, node: Element, above: Reals, within: tuple) -> None:
-        """Add what stands in a node and below it."""
+        """Add the geometry of a node and of all nodes below it."""
         if node in within:
             raise FormatError(f"node {node.get('id')!r} contains itself")
         if all(node.find(f".//{kind}") is None for kind in _INSTANCES):
-            return  # a camera, a light, a joint
+            return  # a node of a camera, a light or a joint
         within = (*within, node)
         matrix = above
         for element in node:
@@ -114,7 +115,7 @@ class _Document:
 
 
 def _motion(element: Element) -> Reals:
-    """The matrix of a transformation; one for any other element of a node."""
+    """Return the matrix (4, 4) of a transformation; the identity for any other child of a node."""
     matrix, kind = np.eye(4), element.tag
     if kind == "matrix":
         matrix = real_list(element.text, "<matrix>", 16).reshape(4, 4)
@@ -136,7 +137,7 @@ def _motion(element: Element) -> Reals:
 
 
 def _geometry(geometry: Element) -> list[Part]:
-    """Vertices and faces of each primitive."""
+    """Return the vertices and faces of each primitive of a geometry."""
     name = f"geometry {geometry.get('id')!r}"
     mesh = geometry.find("mesh")
     if mesh is None and geometry.find("spline") is not None:
@@ -187,7 +188,7 @@ def _geometry(geometry: Element) -> list[Part]:
 
 
 def _check_count(element: Element, sizes: Ints, name: str) -> None:
-    """Refuse a primitive that has more or fewer items than it announces."""
+    """Refuse a primitive whose number of items differs from the number it announces."""
     count = whole_list(element.get("count", str(len(sizes))), "count", 1)[0]
     if count != len(sizes):
         raise FormatError(
@@ -196,7 +197,7 @@ def _check_count(element: Element, sizes: Ints, name: str) -> None:
 
 
 def _positions(mesh: Element, source: str, name: str) -> Reals:
-    """The positions (n, 3) that a VERTEX input names."""
+    """Return the positions (n, 3) that a VERTEX input refers to."""
     for vertices in mesh.findall("vertices"):
         for each in vertices.findall("input"):
             if f"#{vertices.get('id')}" == source and each.get("semantic") == "POSITION":

@@ -1,9 +1,10 @@
-"""geomdl JSON (NURBS-Python): curves or surfaces, read and written; and solids of revolution.
+"""Reader and writer for geomdl JSON (NURBS-Python): curves, surfaces and solids of revolution.
 
-Control points stand there without their weights, those along v together. Volumes and trimmed
-surfaces are refused: what a trim cuts off would still be there. A solid of revolution is an object
-``revolution`` of its own, with a ``profile``, a list of such curves whose points are (rho, z), and
-perhaps an ``axis``, its ``origin`` and its ``direction``.
+In the file, control points are not multiplied by their weights, and the index along v runs fastest.
+Volumes are refused. So are trimmed surfaces: without the trim, the model would keep the parts that
+the trim cuts off. A solid of revolution is an extension of this package: an object ``revolution``
+with a ``profile``, a list of geomdl curves whose points are (rho, z), and an optional ``axis``
+that has an ``origin`` and a ``direction``.
 """
 
 from __future__ import annotations
@@ -28,11 +29,11 @@ if TYPE_CHECKING:
     from .readers import Reading
 
 _KINDS = {"curve": ("",), "surface": ("_u", "_v")}
-"""What ends the keys of a shape's directions."""
+"""Suffixes of the keys for each parametric direction, by kind of shape."""
 
 
 def read_geomdl(data: bytes, file: Path, how: Reading) -> Surface:
-    """Read a geomdl JSON file: a patch or a curve, several as one surface; a revolution."""
+    """Read a geomdl JSON file as one patch or curve, a surface of several, or a revolution."""
     if how.volume != "rss":
         raise FormatError(
             f"volume = {how.volume!r}: parametric surfaces have rectangle swept spheres alone"
@@ -62,7 +63,7 @@ def read_geomdl(data: bytes, file: Path, how: Reading) -> Surface:
 
 
 def _revolution(item: dict[str, Any], file: Path, how: Reading) -> Surface:
-    """The solid of revolution that an object describes; a surface where it must be no solid."""
+    """Return the solid of revolution that an object describes, or a surface if `solid` is False."""
     curves = _shapes(item, "profile", _KINDS["curve"], "revolution", how)
     axis, place = _need({"axis": {}} | item, "axis", dict, "revolution."), {}
     for key, name, factor in (("origin", "origin", how.unit * how.scale), ("direction", "axis", 1)):
@@ -80,7 +81,7 @@ def _revolution(item: dict[str, Any], file: Path, how: Reading) -> Surface:
 def _shapes(
     item: dict[str, Any], key: str, ends: tuple[str, ...], at: str, how: Reading
 ) -> list[Surface]:
-    """The patches or the curves in a list of objects."""
+    """Return the patches or curves of a list of objects."""
     made = []
     for i, each in enumerate(_need(item, key, list, f"{at}.")):
         name = f"{at}.{key}[{i}]"
@@ -94,7 +95,7 @@ def _shapes(
 
 
 def _shape(item: dict[str, Any], ends: tuple[str, ...], name: str, how: Reading) -> Surface:
-    """The patch or the curve that an object describes."""
+    """Return the patch or curve that an object describes."""
     at = f"{name}."
     trims = item.get("trims")
     if trims and trims != {"count": 0, "data": []} and trims != {"count": 0}:
@@ -125,14 +126,14 @@ def _shape(item: dict[str, Any], ends: tuple[str, ...], name: str, how: Reading)
                 f"{inside}weights: {len(weights)}, but there are {len(points)} points"
             )
         weights = weights.reshape(sizes)
-    with np.errstate(over="ignore"):  # what becomes infinite is refused next, with its index
+    with np.errstate(over="ignore"):  # the model refuses infinite values, with their index
         control = (points * (how.unit * how.scale)).reshape(*sizes, -1)
     kind = Patch if len(ends) == 2 else Curve
     return kind(control, *knots, weights, name=name, deviation=how.deviation)
 
 
 def _need(item: Any, key: str, kind: type, at: str) -> Any:
-    """What an object must have under a key."""
+    """Return the value of a required key, checked for its type."""
     if not isinstance(item, dict) or key not in item:
         raise FormatError(f"{at}{key} is missing")
     value = item[key]
@@ -142,7 +143,7 @@ def _need(item: Any, key: str, kind: type, at: str) -> Any:
 
 
 def _reals(values: Any, what: str, dimensions: int) -> Reals:
-    """Numbers in so many dimensions."""
+    """Return numbers as an array with the given number of dimensions."""
     try:
         array = np.asarray(values)
     except ValueError:
@@ -161,13 +162,13 @@ def _no_number(word: str) -> float:
 def save_geomdl(model: Surface, path: str | PathLike[str]) -> None:
     """Write a `Patch`, a `Curve`, a `ParametricSurface` or a `SolidOfRevolution`, in metres.
 
-    The file is geomdl JSON; that of a solid of revolution is one of this package's own, with its
-    profile's curves in that form. Knots and control points come back exactly, weights but for a
-    common factor. The file has no place for a deviation.
+    The file is geomdl JSON. A solid of revolution uses this package's extension, with its profile
+    as geomdl curves. Reading the file back restores knots and control points exactly, and weights
+    up to a common factor. The file cannot store a deviation.
 
     Raises:
-        TypeError: another kind of model.
-        ModelError: both patches and curves, which such a file does not hold together.
+        TypeError: the model is of another kind.
+        ModelError: the model has both patches and curves; one file cannot hold both.
         OSError: the file cannot be written.
     """
     if not isinstance(model, Surface):
@@ -186,7 +187,7 @@ def save_geomdl(model: Surface, path: str | PathLike[str]) -> None:
 
 
 def _item(net: Net, dimension: int) -> dict[str, Any]:
-    """The object of a patch or a curve, with so many coordinates of each control point."""
+    """Return the JSON object of a patch or curve, with `dimension` coordinates a control point."""
     points: dict[str, Any] = {"points": net.points[:, :dimension].tolist()}
     if net.weights is not None:
         points["weights"] = net.weights.ravel().tolist()

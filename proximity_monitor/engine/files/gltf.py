@@ -1,7 +1,7 @@
-"""glTF 2.0, as text (.gltf) and binary (.glb): the triangles of the scene as it stands.
+"""Reader for glTF 2.0, as text (.gltf) and binary (.glb): the triangles of the static scene.
 
-What would move them (morph targets, skins, animations) or replaces them (compression, instancing)
-is refused by name. Frames, points, lines and looks are left out.
+Features that move the triangles (morph targets, skins, animations) or replace them (compression,
+instancing) are refused by name. Nodes without a mesh, points, lines and materials are skipped.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 _HARMLESS = (
     "KHR_materials_", "KHR_texture_", "EXT_texture_", "KHR_lights_", "KHR_mesh_quantization",
 )  # fmt: skip
-"""Beginnings of the names of extensions that leave the geometry alone, or are read."""
+"""Prefixes of the names of extensions that do not change the geometry, or that are read."""
 
 _Json = Mapping[str, Any]
 
@@ -86,7 +86,7 @@ class _Document:
         self._buffers: dict[int, bytes] = {}
 
     def triangles(self) -> Triangles:
-        """All triangles in the frame of the scene."""
+        """Return all triangles, in the frame of the scene."""
         parts = Parts()
         if not self._tree.get("scenes"):
             raise FormatError("has no scene, hence no triangles that are shown")
@@ -115,14 +115,14 @@ class _Document:
         return parts.joined()
 
     def _item(self, kind: str, i: object) -> _Json:
-        """An entry of one of the top lists."""
+        """Return entry i of one of the document's top-level lists."""
         items = self._tree.get(kind, [])
         if type(i) is not int or not 0 <= i < len(items):
             raise FormatError(f"{kind}[{i}] is named, but there are {len(items)} {kind}")
         return items[i]
 
     def _mesh(self, i: int) -> list[Part]:
-        """Vertices and faces of the primitives of a mesh."""
+        """Return the vertices and faces of each primitive of a mesh."""
         mesh, name = self._item("meshes", i), f"meshes[{i}]"
         if any(mesh.get("weights", [])):
             raise FormatError(f"{name} has morph weights: apply them before export")
@@ -142,7 +142,7 @@ class _Document:
         return found
 
     def _accessor(self, i: int, width: int) -> NDArray:
-        """The numbers of an accessor (n, width)."""
+        """Return the numbers (n, width) of an accessor."""
         accessor, name = self._item("accessors", i), f"accessors[{i}]"
         if "bufferView" not in accessor or "sparse" in accessor:
             raise FormatError(f"{name} is compressed or sparse, which is not read")
@@ -169,7 +169,7 @@ class _Document:
         return values
 
     def _buffer(self, i: int) -> bytes:
-        """The bytes of a buffer, wherever they lie."""
+        """Return the bytes of a buffer, from a URI or from the binary chunk."""
         if i in self._buffers:
             return self._buffers[i]
         buffer, name = self._item("buffers", i), f"buffers[{i}]"
@@ -187,7 +187,7 @@ class _Document:
         return self._buffers[i]
 
     def _fetched(self, uri: str, name: str) -> bytes:
-        """The bytes that a URI holds or names; no file outside the model's folder is opened."""
+        """Return the bytes that a URI holds or names; open no file outside the model's folder."""
         if uri.startswith("data:"):
             kind, _, content = uri.partition(",")
             if not kind.endswith(";base64"):
@@ -197,7 +197,7 @@ class _Document:
             except ValueError as error:
                 raise FormatError(f"{name}: its data is no base64: {error}") from None
         parts = urlsplit(uri)
-        # Of the URI alone: what a folder links to is up to whoever made the folder.
+        # Check the URI alone: symbolic links in the folder are trusted like the folder itself.
         inner = os.path.normpath(unquote(parts.path))
         file = self._folder / inner
         outside = os.path.isabs(inner) or Path(inner).parts[:1] == ("..",)
@@ -216,7 +216,7 @@ def _no_number(word: str) -> float:
 
 
 def _faces(mode: int, corners: Ints, count: int, name: str) -> Ints:
-    """The triangles of a primitive."""
+    """Return the triangles (m, 3) of a primitive."""
     size = np.array([len(corners)])
     if mode == _TRIANGLES:
         if len(corners) % 3:
@@ -231,7 +231,7 @@ def _faces(mode: int, corners: Ints, count: int, name: str) -> Ints:
 
 
 def _matrix(node: _Json, name: str) -> Reals:
-    """The motion of a node, or the scale, rotation and translation that it consists of."""
+    """Return the transform (4, 4) of a node: its matrix, or its translation, rotation and scale."""
     given = {
         key: np.array(node.get(key, default), dtype=np.float64)
         for key, default in (

@@ -1,4 +1,4 @@
-"""Files to models, by the readers in `files`; every error names the file."""
+"""Load models from files with the readers in `files`; every error names the file."""
 
 from __future__ import annotations
 
@@ -24,43 +24,43 @@ def load(
     solid: Solid = None,
     part: str | None = None,
 ) -> Model:
-    """Read a model from a file: .stl, .obj, .ply, .off, .glb, .gltf, .dae, .3mf or .json.
+    """Read a model: .stl, .obj, .ply, .off, .glb, .gltf, .dae, .3mf, .json, .step or .stp.
 
-    Other packages may read other extensions (see `files.readers`).
+    Other packages may register readers for other extensions (see `files.readers`).
 
-    A .json file is one of geomdl (NURBS-Python): a `Patch` or a `Curve`, or several as a
-    `ParametricSurface`; or it holds a `SolidOfRevolution` (see docs/models.md). All others hold
-    triangles. Several geometries in one of those are merged with their transforms; points and
-    curves among them are left out. Degenerate triangles are kept, but for those that join strips.
-    Polygons are cut into fans from their first corner, or otherwise where a fan would fold, as seen
-    along their normal. Those that cross themselves, seen so, are refused, and those whose corners
-    rise along it by more than half of their size: what they mean is unclear. The vertices that
-    STL repeats for each triangle are merged where they are exactly equal. The `up_axis` of COLLADA
-    does not count, as in RViz. A file that is not complete and consistent is refused as a whole,
-    and so is one whose scene is not what stands in it (animations, skins, morph targets).
+    A .json file is geomdl JSON (NURBS-Python): it holds a `Patch`, a `Curve`, several of them as a
+    `ParametricSurface`, or a `SolidOfRevolution` (see docs/models.md). A STEP file holds surfaces.
+    All other formats hold triangles. Several geometries in one of those files are placed by their
+    transforms and merged; points and curves are skipped. Degenerate triangles are kept, except
+    those that join strips. A polygon is cut into a fan from its first corner. If the fan would
+    fold, as seen along the polygon's normal, it is cut otherwise. A polygon is refused as unclear
+    if it crosses itself, seen this way, or if its corners rise along the normal by more than half
+    of its size. The vertices that STL repeats for each triangle are merged if exactly equal. The
+    `up_axis` of COLLADA is ignored, as in RViz. A file that is incomplete or inconsistent is
+    refused as a whole, and so is one whose scene changes (animations, skins, morph targets).
 
     Args:
-        path: the file; its extension says the format.
-        unit: metres in the file's unit of length, 0.001 for millimetres, where the file does not
-            state it; .dae and .3mf files do.
-        scale: how much larger the model is than the file says.
-        deviation: metres; how far its surface may be from that of the thing, as for TriangleMesh.
-        volume: the bounding volumes, as for TriangleMesh; a surface takes the default alone.
-        solid: whether it has an inside, as for TriangleMesh or ParametricSurface.
-        part: of a STEP assembly, the name of one part, which comes in its own frame (see
-            `load_placements`); None: all parts, where they are placed, as one model.
+        path: the file; its extension determines the format.
+        unit: metres per unit of length of the file, such as 0.001 for millimetres. Ignored if the
+            file states its unit, as .dae, .3mf and STEP files do.
+        scale: factor by which the model is larger than the file says.
+        deviation: metres; how far its surface may be from the real part's, as for TriangleMesh.
+        volume: the bounding volumes, as for TriangleMesh; a surface takes only the default.
+        solid: whether the model has an inside, as for TriangleMesh or ParametricSurface.
+        part: the name of one part of a STEP assembly, which is read in its own frame (see
+            `load_placements`). None: all parts, at their placements, as one model.
 
     Returns:
         The model in metres, named after the file without its extension, or after the part.
 
     Raises:
         FileNotFoundError: there is no such file.
-        IsADirectoryError: it is a directory.
-        ModelError: another extension that no package reads; an empty, truncated or damaged file; a
+        IsADirectoryError: the path is a directory.
+        ModelError: an extension that no package reads; an empty, truncated or damaged file; a
             vertex that is not finite, a face that names no vertex, no triangles; an unknown volume;
-            no solid though it must be one; no such part; a face of a STEP file that cannot be
-            honoured, or no OpenCASCADE to read it with. The message starts with the path.
-        ValueError: a unit or a scale that is not finite and above 0.
+            a model that must be a solid and is none; no such part; a face of a STEP file that
+            cannot be represented; no OpenCASCADE for a STEP file. The message starts with the path.
+        ValueError: `unit` or `scale` is not finite and above 0.
     """
     for key, value in (("unit", unit), ("scale", scale)):
         if not 0.0 < value < math.inf:
@@ -81,16 +81,16 @@ def load(
 
 
 def load_placements(path: str | PathLike[str], *, scale: float = 1.0) -> list[Placement]:
-    """What stands where in a STEP assembly: its parts, in the file's order.
+    """Return the placed parts of a STEP assembly, in the file's order.
 
-    A part's model is ``load(path, scale=scale, part=placement.model)``.
+    To load a part's model, call ``load(path, scale=scale, part=placement.model)``.
 
     Args:
         path: the file.
-        scale: how much larger the assembly is than the file says.
+        scale: factor by which the assembly is larger than the file says.
 
     Returns:
-        Its parts; none of a file whose format knows no parts.
+        The placements of the parts; an empty list if the file's format has no parts.
 
     Raises:
         FileNotFoundError, IsADirectoryError, ModelError, ValueError: as `load`.
@@ -108,7 +108,10 @@ def load_placements(path: str | PathLike[str], *, scale: float = 1.0) -> list[Pl
 
 
 def _refused(file: Path, error: Exception) -> ModelError:
-    """What a reader raised, which damaged bytes can make fail in any way, with the file's name."""
+    """Return a reader's error as a ModelError that names the file.
+
+    Damaged bytes can make a reader raise any exception.
+    """
     if isinstance(error, FormatError | ModelError):
         named = str(error) if str(error).startswith(str(file)) else f"{file}: {error}"
         return ModelError(named)
@@ -117,7 +120,7 @@ def _refused(file: Path, error: Exception) -> ModelError:
 
 
 def _contents(file: Path, kind: str) -> tuple[bytes, Reader]:
-    """All bytes of a file, and the reader of its extension."""
+    """Return all bytes of a file, and the reader for its extension."""
     try:
         file.stat()
         if file.is_dir():

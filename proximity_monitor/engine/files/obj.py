@@ -1,4 +1,4 @@
-"""Wavefront OBJ: vertices and polygons; points, curves and looks are left out."""
+"""Reader for Wavefront OBJ: vertices and polygons. Points, curves and materials are skipped."""
 
 from __future__ import annotations
 
@@ -14,25 +14,25 @@ _OTHERS = frozenset(
     b"vt vn vp l p o g s mg usemtl mtllib usemap maplib lod bevel c_interp d_interp shadow_obj "
     b"trace_obj ctech stech cstype deg bmat step curv curv2 parm trim hole scrv sp end con".split()
 )
-"""Statements that make no triangles. Any other word is a sign of damage."""
+"""Statements that make no triangles and are skipped. An unknown word is a sign of damage."""
 _NAMES = frozenset(b"o g usemtl mtllib usemap maplib".split())
-"""Statements whose names may end with what else continues a line."""
+"""Statements that end with a name. A backslash at the end may be part of it, so it is refused."""
 _NOT_READ = frozenset(b"surf call csh bsp bzp cdc cdp res".split())
-"""Statements that make surfaces of other kinds, or take them from elsewhere."""
+"""Statements that make other kinds of surfaces, or import them. They are refused."""
 
 
 def read_obj(data: bytes, _: Path) -> Triangles:
-    """Read an OBJ file; indices may be absolute, or count back from the vertices so far."""
+    """Read an OBJ file; indices may be absolute, or count back from the last vertex so far."""
     vertices: list[bytes] = []
     widths: list[int] = []
     vertex_lines: list[int] = []
     corners: list[bytes] = []
     sizes: list[int] = []
-    so_far: list[int] = []  # vertices before a face, which relative indices count from
+    so_far: list[int] = []  # number of vertices before each face; relative indices count from it
     face_lines: list[int] = []
     begun = b""
     for number, line in enumerate(without_mark(data).splitlines(), 1):
-        if line.endswith(b"\\") and b"#" not in line:  # goes on in the next line
+        if line.endswith(b"\\") and b"#" not in line:  # the statement continues on the next line
             if (begun + line).split(None, 1)[0] in _NAMES:
                 raise FormatError(f"line {number}: a name that ends with \\: is it a part of it?")
             begun += line[:-1] + b" "
@@ -58,7 +58,7 @@ def read_obj(data: bytes, _: Path) -> Triangles:
     points = Rows(vertices, widths, lambda i: f"line {vertex_lines[i]}: ").coordinates()
     polygons = Rows(corners, sizes, lambda i: f"line {face_lines[i]}: ")
     named = wholes(corners, polygons.place)
-    # Numbered from 1; zero is none.
+    # OBJ counts vertices from 1. An index of 0 becomes -1, which `cut_polygons` refuses.
     base = np.where(named < 0, np.repeat(np.array(so_far, dtype=np.int64), polygons.sizes), -1)
     faces = cut_polygons(points, named + base, polygons.sizes, polygons.where)
     return Triangles(points, faces)

@@ -1,4 +1,4 @@
-"""OFF (Geomview): vertices and polygons; colours, normals and texture coordinates are left out."""
+"""Reader for OFF (Geomview): vertices and polygons. Colours, normals and textures are skipped."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from .triangles import FormatError, Triangles, first, spans
 
 _HEAD = re.compile(rb"(ST)?(C)?(N)?OFF")
 _EXTRA = (2, 4, 3)
-"""How many numbers ST (texture), C (colour) and N (normal) add to a vertex."""
+"""Numbers that ST (texture), C (colour) and N (normal) add to each vertex."""
 
 
 def read_off(data: bytes, _: Path) -> Triangles:
-    """Read an OFF file, with one vertex or face a line, or one behind the other."""
+    """Read an OFF file, with one vertex or face per line, or without regard to lines."""
     rows, numbers = lines(data, comments=True)
     head = _HEAD.fullmatch(rows.words[0]) if rows.words else None
     if not head:
         raise FormatError("does not begin with OFF")
-    # The counts stand behind the header or in the next line, or they and all else stand anyhow.
+    # The counts follow the header on its line or on the next. Otherwise line breaks mean nothing.
     given = int(rows.sizes[0]) - 1 or int(rows.sizes[1:2].sum())
     begin = 1 + (2 if given == 2 else 3)
     announced = wholes(rows.words[1:begin], lambda i: rows.place(i + 1))[:2].tolist()
@@ -46,7 +46,7 @@ def read_off(data: bytes, _: Path) -> Triangles:
     vertices = items.cut(0, vertex_count).coordinates()
     polygons = items.cut(vertex_count, vertex_count + face_count)
     counts = wholes([polygons.words[i] for i in polygons.starts.tolist()], polygons.where)
-    bad = first((counts < 0) | (counts >= polygons.sizes))  # a colour may follow
+    bad = first((counts < 0) | (counts >= polygons.sizes))  # a colour may follow the corners
     if bad is not None:
         found = f"{polygons.sizes[bad] - 1} of {counts[bad]}"
         raise FormatError(f"{polygons.where(bad)}a face with {found} corners")
@@ -59,7 +59,10 @@ def read_off(data: bytes, _: Path) -> Triangles:
 def _one_behind_the_other(
     words: list[bytes], vertex_count: int, face_count: int, width: int
 ) -> list[int] | None:
-    """How many words each vertex and each face has, or None; faces have no colours then."""
+    """Return the number of words of each vertex and face if line breaks mean nothing.
+
+    In such a file, faces cannot have colours. Return None if the words do not fit.
+    """
     sizes, at = [width] * min(vertex_count, len(words)), vertex_count * width
     while len(sizes) < vertex_count + face_count and at < len(words) and words[at].isdigit():
         sizes.append(1 + int(words[at]))

@@ -1,4 +1,4 @@
-"""PLY, binary and ASCII: vertices, polygons and triangle strips; all else is left out."""
+"""Reader for PLY, binary and ASCII: vertices, polygons and triangle strips. The rest is skipped."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class _Element(NamedTuple):
 
 
 class _Column(NamedTuple):
-    """The values of a property in all rows, one row after the other."""
+    """The values of a property in all rows, concatenated, and the number of values in each row."""
 
     values: NDArray
     sizes: Ints
@@ -45,7 +45,7 @@ class _Column(NamedTuple):
 
 _Columns = dict[str, _Column]
 _Table = dict[str, _Columns]
-"""By element and property."""
+"""The columns, by element name and property name."""
 
 
 def read_ply(data: bytes, _: Path) -> Triangles:
@@ -55,7 +55,7 @@ def read_ply(data: bytes, _: Path) -> Triangles:
     if not re.match(rb"ply\s", data) or end is None:
         raise FormatError("no header from 'ply' to 'end_header'")
     order, elements = _header(data[: end.start()])
-    # Where lines end with \r alone, a \n behind the last one is the first byte of the data.
+    # If the header's lines end with \r alone, a \n after the last \r is the first byte of the data.
     body = data[end.end() if b"\n" in data[: end.start() + 1] else end.start(1) + 1 :]
     found = _binary(body, elements, order) if order else _ascii(body, elements)
     vertex = found.get("vertex", {})
@@ -74,7 +74,7 @@ def read_ply(data: bytes, _: Path) -> Triangles:
 
 
 def _header(head: bytes) -> tuple[str, list[_Element]]:
-    """Byte order ("" for ASCII) and elements."""
+    """Return the byte order ("" for ASCII) and the elements."""
     order, elements = None, []
     for number, line in enumerate(head.splitlines()[1:], 2):
         words = line.split()
@@ -98,7 +98,10 @@ def _header(head: bytes) -> tuple[str, list[_Element]]:
 
 
 def _types(words: Sequence[bytes]) -> tuple[str, str] | None:
-    """The types of a list's length ("" for a single value) and of the values; None: malformed."""
+    """Return the numpy types of a list's length ("" for a single value) and of its values.
+
+    Return None if the declaration is malformed.
+    """
     if len(words) == 3 and words[1] in _TYPES:
         return "", _TYPES[words[1]]
     if len(words) == 5 and words[1] == b"list" and words[2] in _TYPES and words[3] in _TYPES:
@@ -108,7 +111,7 @@ def _types(words: Sequence[bytes]) -> tuple[str, str] | None:
 
 
 def _ascii(body: bytes, elements: list[_Element]) -> _Table:
-    """The elements of an ASCII file, one row a line."""
+    """Return the elements of an ASCII file, which has one row per line."""
     rows, _ = lines(body, comments=False)
     announced = sum(element.count for element in elements)
     if len(rows.sizes) != announced:
@@ -149,7 +152,7 @@ def _ascii_columns(rows: Rows, element: _Element) -> _Columns:
 
 
 def _binary(body: bytes, elements: list[_Element], order: str) -> _Table:
-    """The elements of a binary file, one behind the other."""
+    """Return the elements of a binary file, which follow one another."""
     found, at = {}, 0
     for element in elements:
         rows = _equal_rows(body, at, element, order)
@@ -161,7 +164,7 @@ def _binary(body: bytes, elements: list[_Element], order: str) -> _Table:
 
 
 def _equal_rows(body: bytes, at: int, element: _Element, order: str) -> tuple[_Columns, int] | None:
-    """The columns of rows that are all as long as the first, and where they end; else None."""
+    """Return the columns and end offset if all rows are as long as the first one; else None."""
     if not element.count:
         return {}, at
     fields, lengths, end = [], {}, at
@@ -191,7 +194,7 @@ def _equal_rows(body: bytes, at: int, element: _Element, order: str) -> tuple[_C
 
 
 def _unequal_rows(body: bytes, at: int, element: _Element, order: str) -> tuple[_Columns, int]:
-    """The columns of rows of different lengths, and where they end."""
+    """Return the columns of rows of different lengths, and the end offset."""
     starts: list[list[int]] = [[] for _ in element.properties]
     lengths: list[list[int]] = [[] for _ in element.properties]
     steps = [
@@ -217,7 +220,7 @@ def _unequal_rows(body: bytes, at: int, element: _Element, order: str) -> tuple[
 
 
 def _length(body: bytes, at: int, prop: _Property, order: str) -> tuple[int, int]:
-    """Length of the list at an offset, and where its values begin."""
+    """Return the length of the list at an offset, and the offset of its values."""
     end = at + int(prop.length[1])
     if end > len(body):
         raise FormatError(f"ends before {prop.name}: truncated")
@@ -233,7 +236,7 @@ def _truncated(element: _Element) -> FormatError:
 
 
 def _triangles(element: _Element, columns: _Columns, vertices: Reals) -> Ints:
-    """The triangles of faces or of strips, in which -1 begins the next one."""
+    """Return the triangles of faces, or of strips; in a row of strips, -1 starts the next strip."""
     named = [
         prop for prop in element.properties
         if prop.name in _CORNERS and prop.length and prop.kind[0] != "f"
@@ -248,7 +251,7 @@ def _triangles(element: _Element, columns: _Columns, vertices: Reals) -> Ints:
     corners = values.astype(np.int64)
     if element.name == "face":
         return cut_polygons(vertices, corners, sizes, lambda i: f"faces[{i}]: ")
-    # Rows and restarts both end a strip; a restart may end the row as well.
+    # A strip ends at the end of its row or at a restart (-1). A row may also end with a restart.
     kept = corners != -1
     strip_of = (np.cumsum(~kept) + row_of)[kept]
     _, begins, lengths = np.unique(strip_of, return_index=True, return_counts=True)

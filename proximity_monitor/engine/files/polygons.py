@@ -1,4 +1,4 @@
-"""Polygons as triangles: fans, and where a fan would fold, what ears leave."""
+"""Polygons to triangles: as a fan, or by ear clipping if the fan would fold."""
 
 from __future__ import annotations
 
@@ -9,16 +9,17 @@ from .triangles import FormatError, Ints, Reals, Where, fans, first
 _Point = tuple[float, float]
 
 _BENT = 0.5
-"""Share of a polygon's size that its corners may rise above its lowest one, along its normal. How
-a polygon is cut changes its surface by as much."""
+"""Largest height difference of a polygon's corners along its normal, as a share of its size. The
+choice of the cut can move the surface by as much."""
 _ROUNDING = float(np.finfo(np.float32).eps)
-"""Of coordinates in most files."""
+"""Relative rounding error of coordinates in most files, which store float32."""
 
 
 def cut_polygons(vertices: Reals, corners: Ints, sizes: Ints, where: Where) -> Ints:
-    """Polygons as triangles (m, 3): fans from the first corner, or ears where fans would fold.
+    """Cut polygons into triangles (m, 3): fans from the first corner, or ears if fans would fold.
 
-    Whether they fold is seen along the normal of the polygon's plane of best fit.
+    A fan folds if a triangle faces against the normal of the polygon's plane of best fit, which is
+    the sum of the triangles' area vectors.
 
     Args:
         vertices: (n, 3).
@@ -27,15 +28,15 @@ def cut_polygons(vertices: Reals, corners: Ints, sizes: Ints, where: Where) -> I
         where: names the place of a polygon.
 
     Raises:
-        FormatError: a polygon that crosses itself as seen along its normal, or is far from flat:
-            what it means is unclear.
+        FormatError: a polygon crosses itself, seen along its normal, or is far from flat; its
+            meaning is unclear.
     """
     triangles = fans(corners, sizes, len(vertices), where)
     if (sizes == 3).all():
         return triangles
     owner, begins = np.repeat(np.arange(len(sizes)), sizes - 2), np.cumsum(sizes) - sizes
     starts = np.cumsum(sizes - 2) - (sizes - 2)
-    with np.errstate(all="ignore"):  # what is not finite is refused when all is read
+    with np.errstate(all="ignore"):  # vertices that are not finite are refused after reading
         a, b, c = vertices[triangles].transpose(1, 0, 2)
         normals = np.cross(b - a, c - a)
         whole = np.add.reduceat(normals, starts, axis=0)
@@ -45,8 +46,8 @@ def cut_polygons(vertices: Reals, corners: Ints, sizes: Ints, where: Where) -> I
         points = vertices[corners] - np.repeat(vertices[corners[begins]], sizes, axis=0)
         heights = np.einsum("ij,ij->i", points, np.repeat(units, sizes, axis=0))
         extents = _spread(points, begins).max(axis=1)
-        # What has no more area than rounding makes, a spike, has no plane; so narrow a fold is none
-        # that anybody meant.
+        # A spike, whose area is within rounding, defines no plane. A fold as narrow as rounding is
+        # not intended either.
         aside = _ROUNDING * np.maximum.reduceat(np.abs(vertices[corners]).max(axis=1), begins)
         slight = aside * extents
         bends = _spread(heights, begins)
@@ -72,22 +73,23 @@ def cut_polygons(vertices: Reals, corners: Ints, sizes: Ints, where: Where) -> I
 
 
 def _spread(values: Reals, begins: Ints) -> Reals:
-    """How far the values of each polygon are apart."""
+    """Return the range (maximum minus minimum) of the values of each polygon."""
     return np.maximum.reduceat(values, begins) - np.minimum.reduceat(values, begins)
 
 
 def _ears(points: Reals) -> Ints | None:
-    """A polygon (n, 2) that turns left, as triangles (n - 2, 3); None: it crosses itself.
+    """Cut a counterclockwise polygon (n, 2) into triangles (n - 2, 3) by clipping its ears.
 
-    Corners on a straight line make triangles without area, so that its neighbours still meet it.
-    They are cut off when no other may.
+    Return None if the polygon crosses itself. A corner on a straight line becomes a triangle
+    without area, so that neighbouring faces still share its vertex. Such a corner is cut off only
+    when no other one can be.
     """
     n, at = len(points), 0
     before, after = list(range(-1, n - 1)), [*range(1, n), 0]
     before[0] = n - 1
     place: list[_Point] = [(x, y) for x, y in points.tolist()]
     areas = [_area(place[before[i]], place[i], place[after[i]]) for i in range(n)]
-    inward = np.array(areas) <= 0.0  # where others may lie in the triangle of an ear
+    inward = np.array(areas) <= 0.0  # the corners that can lie in the triangle of an ear
     found, passed, straight = [], 0, None
     while len(found) < n - 3:
         a, b, c = place[before[at]], place[at], place[after[at]]
@@ -114,7 +116,7 @@ def _ears(points: Reals) -> Ints | None:
 
 
 def _any_within(others: Reals, *corners: _Point) -> bool:
-    """Whether any of the points (n, 2) lies in a triangle and at none of its corners."""
+    """Return whether any of the points (n, 2) lies in a triangle but at none of its corners."""
     x, y = others.T
     within = np.ones(len(others), np.bool_)
     for (px, py), (qx, qy) in zip(corners, corners[1:] + corners[:1], strict=True):
@@ -124,10 +126,10 @@ def _any_within(others: Reals, *corners: _Point) -> bool:
 
 
 def _area(a: _Point, b: _Point, c: _Point) -> float:
-    """Twice the area of a triangle, below 0 where it turns right."""
+    """Return twice the signed area of a triangle, negative if it is clockwise."""
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 
 def _dot(a: _Point, b: _Point, c: _Point) -> float:
-    """Below 0 where b lies between a and c."""
+    """Return (a - b) . (c - b). For points on a line, it is negative if b is between a and c."""
     return (a[0] - b[0]) * (c[0] - b[0]) + (a[1] - b[1]) * (c[1] - b[1])

@@ -1,8 +1,9 @@
-"""Which function makes a model of a file: by its extension, in this package or in another one.
+"""The registry of readers by file extension, of this package and of other packages.
 
 A reader takes a file's bytes, its path and a `Reading`, and returns a `Model`. Whatever it raises
-becomes a ModelError that names the file. Other packages register theirs as entry points of GROUP,
-named after the extension without its dot: ``ball = "round_things.files:read_ball"``.
+becomes a ModelError that names the file. Other packages register readers as entry points of GROUP.
+An entry point is named after the extension without its dot:
+``ball = "round_things.files:read_ball"``.
 """
 
 from __future__ import annotations
@@ -29,27 +30,27 @@ from .threemf import read_3mf
 from .triangles import FormatError, Triangles, check_finite
 
 GROUP = "proximity_monitor.models"
-"""The group of entry points that are readers."""
+"""The entry-point group of readers."""
 
 
 class Reading(NamedTuple):
-    """What a file does not say about its model; see `load`."""
+    """The options for reading a file; see `load`."""
 
     unit: float
-    """Metres in the file's unit of length, where the file does not state it."""
+    """Metres per unit of length of the file, if the file does not state its unit."""
     scale: float
     deviation: float
     volume: str
     solid: Solid
     part: str | None = None
-    """Which part of an assembly; None: all that is in the file."""
+    """The name of one part of an assembly; None: everything in the file."""
 
 
 Reader = Callable[[bytes, Path, Reading], Model]
 
 
 def mesh_reader(read: Callable[[bytes, Path], Triangles]) -> Reader:
-    """The reader of a format of triangles, from what takes a file's bytes and folder."""
+    """Return the reader of a triangle format, from a function of a file's bytes and folder."""
 
     def reader(data: bytes, file: Path, how: Reading) -> Model:
         found = read(data, file.parent)
@@ -57,7 +58,7 @@ def mesh_reader(read: Callable[[bytes, Path], Triangles]) -> Reader:
         if not len(found.faces):
             raise FormatError("no triangles (points and curves are not a surface)")
         metres = how.unit if found.unit is None else found.unit
-        with np.errstate(over="ignore"):  # what becomes infinite is refused next, with its index
+        with np.errstate(over="ignore"):  # the model refuses infinite values, with their index
             vertices = found.vertices * (metres * how.scale)
         return TriangleMesh(
             vertices, found.faces, name=str(file), deviation=how.deviation, volume=how.volume,
@@ -74,15 +75,15 @@ _TRIANGLES = {
 _OWN = {suffix: mesh_reader(read) for suffix, read in _TRIANGLES.items()}
 _OWN |= {".json": read_geomdl, ".step": read_step, ".stp": read_step}
 ASSEMBLIES = {".step", ".stp"}
-"""Of files whose parts may be had one by one."""
+"""Extensions of files whose parts can be loaded one by one."""
 _READERS: dict[str, Reader] = dict(_OWN)
 
 
 def reader_of(suffix: str) -> Reader | None:
-    """The reader of files with an extension such as ".stl", in lower case; None if there is none.
+    """Return the reader for an extension such as ".stl", in lower case; None if there is none.
 
     Raises:
-        FormatError: another package's cannot be had, or several packages have one.
+        FormatError: another package's reader cannot be imported, or several packages have one.
     """
     if suffix in _READERS:
         return _READERS[suffix]
@@ -100,7 +101,7 @@ def reader_of(suffix: str) -> Reader | None:
 
 
 def extensions() -> list[str]:
-    """The extensions that are read, such as ".stl"."""
+    """Return the extensions that have a reader, such as ".stl"."""
     others = {f".{name}" for name in metadata.entry_points(group=GROUP).names}
     return [*_OWN, *sorted(others - _OWN.keys())]
 

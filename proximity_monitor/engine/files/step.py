@@ -1,4 +1,4 @@
-"""STEP files to surfaces, by OpenCASCADE, which the extra `cad` installs."""
+"""Reader for STEP files: surfaces, read by OpenCASCADE, which the extra `cad` installs."""
 
 from __future__ import annotations
 
@@ -26,22 +26,23 @@ _MILLIMETRE = 1e-3
 
 
 class Placement(NamedTuple):
-    """Where a part of an assembly stands, and what it looks like."""
+    """A placed part of an assembly: its pose, colour and model."""
 
     name: str
-    """Its own in that file."""
+    """The part's name, unique in the file."""
     pose: NDArray[np.float64]
     """(4, 4) metres, from the part's frame to the assembly's."""
     colour: tuple[float, float, float, float] | None
-    """Red, green, blue, opacity, each 0 to 1; None: the file gives it none."""
+    """Red, green, blue, opacity, each 0 to 1; None if the file gives no colour."""
     model: str
-    """The name of the first part of the same shape: parts of one shape can share a model."""
+    """The name of the first part with the same shape: parts of one shape can share its model."""
 
 
 def read_step(data: bytes, file: Path, how: Reading) -> Surface:
-    """Read a STEP file, which states its own unit: one part in its frame, or all as one surface.
+    """Read one part of a STEP file in its own frame, or all parts as one surface.
 
-    A single part that is a solid of revolution becomes one, unless it must be a surface.
+    The file states its own unit. A single part that is a solid of revolution becomes a
+    `SolidOfRevolution`, unless `solid` is False.
     """
     if how.volume != "rss":
         raise FormatError(
@@ -70,7 +71,7 @@ def read_step(data: bytes, file: Path, how: Reading) -> Surface:
 
 
 def _revolution(part: Part, metres: float, name: str, deviation: float) -> SolidOfRevolution | None:
-    """A part that is a solid of revolution; None: it is none, or its profile crosses itself."""
+    """Return a part as a solid of revolution; None if it is none, or its profile crosses itself."""
     found = part.shape.revolution
     if found is None:
         return None
@@ -89,7 +90,7 @@ def _revolution(part: Part, metres: float, name: str, deviation: float) -> Solid
 
 
 def step_placements(data: bytes, file: Path, scale: float) -> list[Placement]:
-    """The parts of a STEP file; see `load_placements`."""
+    """Return the placements of the parts of a STEP file; see `load_placements`."""
     made, first = [], {}
     for part in _parts(data, file):
         pose = part.pose.copy()
@@ -111,7 +112,7 @@ def _patch(
 
 
 def _parts(data: bytes, file: Path) -> list[Part]:
-    """The parts of a file whose bytes are known."""
+    """Return the parts of a file; refuse it if its bytes are not a complete STEP file."""
     if not data.lstrip().startswith(_BEGIN):
         raise FormatError(f"is no STEP file: it does not begin with {_BEGIN.decode()}")
     if not data.rstrip(b"\0 \t\r\n").endswith(_END):
@@ -124,7 +125,7 @@ def _parts(data: bytes, file: Path) -> list[Part]:
 
 @lru_cache(maxsize=4)
 def _read(file: Path, _time: int, _size: int) -> list[Part]:
-    """Who asks for the parts of a file one by one reads it once."""
+    """Read the parts of a file, cached, so that loading them one by one reads the file once."""
     from .step_parts import read_parts
 
     return read_parts(file)

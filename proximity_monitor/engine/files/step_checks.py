@@ -1,7 +1,7 @@
-"""What a STEP file says of its parts: that nothing of it is lost, and that its lengths are known.
+"""Checks on the text of a STEP file: no part of it may get lost, and its units must be known.
 
-OpenCASCADE leaves out what it does not read, or puts something in its place, and goes on. So what
-makes up the parts is followed from one statement to the next here.
+OpenCASCADE skips what it cannot read, or substitutes something for it, without an error. So this
+module follows the references from statement to statement, and finds what makes up the parts.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ _WITH_FACES = {
     "FACE_BASED_SURFACE_MODEL", "OPEN_SHELL", "CLOSED_SHELL", "CONNECTED_FACE_SET",
     "ADVANCED_FACE", "FACE_SURFACE", "MAPPED_ITEM",
 }  # fmt: skip
-"""Items whose faces are read."""
+"""Types of items whose faces are read."""
 _WITHOUT_SURFACE = re.compile(
     r"(.*_)?(PLACEMENT(_[23]D)?|POINT|DIRECTION|VECTOR|VERTEX|EDGE|CURVE|CURVE_SET|LINE|POLYLINE|"
     r"CIRCLE|ELLIPSE|PARABOLA|HYPERBOLA|WIREFRAME_MODEL|PATH|LOOP|CURVE_WITH_KNOTS|"
     r"PLANE|CYLINDRICAL_SURFACE|CONICAL_SURFACE|"
     r"(MEASURE|VALUE|DESCRIPTIVE|INTEGER|REAL)_REPRESENTATION_ITEM)"
 )
-"""Items that bound nothing: curves and points, which are left out as of every format, and surfaces
-without an end, which are for construction."""
+"""Types of items that bound nothing: curves and points, which every reader skips, and unbounded
+surfaces, which serve construction."""
 _ROOTS = (
     "SHAPE_DEFINITION_REPRESENTATION", "CONTEXT_DEPENDENT_SHAPE_REPRESENTATION",
     "SHAPE_REPRESENTATION_RELATIONSHIP", "NEXT_ASSEMBLY_USAGE_OCCURRENCE",
@@ -40,16 +40,17 @@ class StepChecks:
     """The parts as a file states them.
 
     Raises:
-        FormatError: something of them is not read, or has no place or no unit; it says what.
+        FormatError: something of a part is not read, or has no placement or no unit. The message
+            says what.
     """
 
     def __init__(self, text: StepText) -> None:
         self._text = text
         self._counts: dict[int, int] = {}
         self.relevant = text.below(text.of(*_ROOTS))
-        """The statements that shapes, their places and their units consist of."""
+        """The statements that make up shapes, their placements and their units."""
         self.faces = len(text.of("ADVANCED_FACE", "FACE_SURFACE"))
-        """How many faces there are."""
+        """The number of faces in the file."""
         for representation in dict.fromkeys(r for made in self._shapes.values() for r in made):
             self._check_units(representation)
         for operator in self.relevant.intersection(text.of(_OPERATOR)):
@@ -71,13 +72,13 @@ class StepChecks:
                 )
 
     def statement(self, index: int) -> int | None:
-        """The number of a statement of which only its place in the file is known, from 1 on."""
+        """Return the number of the statement at a position in the file, counted from 1."""
         numbers = self._text.numbers
         return numbers[index - 1] if 0 < index <= len(numbers) else None
 
     @cached_property
     def placed(self) -> int:
-        """How many placed parts there are at least."""
+        """The least number of placed parts that the file must yield."""
         below = {self._part_of(each) for each in self._text.of("NEXT_ASSEMBLY_USAGE_OCCURRENCE")}
         return sum(self._count(part) for part in self._definitions if part not in below)
 
@@ -87,7 +88,7 @@ class StepChecks:
 
     @cached_property
     def _documented(self) -> set[int]:
-        """The parts that documents belong to, such as a file with their shape."""
+        """The parts that have documents, such as a file with their shape."""
         links = self._text.of("APPLIED_DOCUMENT_REFERENCE", "CC_DESIGN_SPECIFICATION_REFERENCE")
         named = {each for link in links for each in self._text.named(link)}
         named |= {*self._text.of("PRODUCT_DEFINITION_WITH_ASSOCIATED_DOCUMENTS")}
@@ -95,13 +96,17 @@ class StepChecks:
 
     @cached_property
     def _owners(self) -> dict[int, int]:
-        """What each shape belongs to: a part or an occurrence."""
+        """The owner of each shape: a part or an occurrence."""
         shapes = self._text.of("PRODUCT_DEFINITION_SHAPE")
         return {shape: self._text.named(shape)[0] for shape in shapes if self._text.named(shape)}
 
     @cached_property
     def _shapes(self) -> dict[int, list[int]]:
-        """The representations of each part: its own, those beside them, those that these place."""
+        """The representations of each part.
+
+        They are the part's own, those related to them without a transformation, and those that any
+        of these place as mapped items.
+        """
         beside: dict[int, list[int]] = {}
         for link in self._text.of("SHAPE_REPRESENTATION_RELATIONSHIP"):
             if "REPRESENTATION_RELATIONSHIP_WITH_TRANSFORMATION" not in self._text.types(link):
@@ -122,7 +127,7 @@ class StepChecks:
         return made
 
     def _items(self, representation: int, kind: str | None = None) -> list[int]:
-        """What a representation consists of, or what of it is of a kind."""
+        """Return the items of a representation: all of them, or those of one type."""
         found = []
         for each in self._text.named(representation):
             types = self._text.types(each)
@@ -131,12 +136,12 @@ class StepChecks:
         return found
 
     def _mapped(self, item: int) -> int:
-        """The representation that an item places once more."""
+        """Return the representation that a mapped item places again."""
         return self._text.named(self._text.named(item)[0])[-1]
 
     @cached_property
     def _placed(self) -> set[int]:
-        """The occurrences that have a place."""
+        """The parts and occurrences whose shape has a representation or a placement."""
         links = self._text.of(
             "CONTEXT_DEPENDENT_SHAPE_REPRESENTATION", "SHAPE_DEFINITION_REPRESENTATION"
         )
@@ -148,7 +153,7 @@ class StepChecks:
         }
 
     def _part_of(self, occurrence: int) -> int:
-        """Of which part there is an occurrence."""
+        """Return the part that an occurrence is of."""
         return self._text.named(occurrence)[1]
 
     @cached_property
@@ -159,7 +164,7 @@ class StepChecks:
         return found
 
     def _count(self, part: int, above: tuple[int, ...] = ()) -> int:
-        """How many placed parts with faces there are in a part."""
+        """Return the number of placed parts with faces in a part, itself included."""
         if part in above:
             raise FormatError(f"part {self._called(part)!r} contains itself")
         if part not in self._counts:
@@ -173,7 +178,7 @@ class StepChecks:
         return self._counts[part]
 
     def _called(self, part: int) -> str:
-        """The name of a part's product."""
+        """Return the name of a part's product, or the part's number if it has no product."""
         version = next(iter(self._text.named(part)), None)
         product = None if version is None else next(iter(self._text.named(version)), None)
         return f"#{part}" if product is None else self._text.string(product, 1)
@@ -187,7 +192,7 @@ class StepChecks:
     def _check_items(self, part: int, representation: int) -> None:
         for item in self._items(representation):
             types = self._text.types(item)
-            # What is tessellated besides may stand for a solid that is there too.
+            # A tessellated item that refers to an item with faces only repeats it, so skip it.
             again = any(_WITH_FACES & self._text.types(each) for each in self._text.named(item))
             double = again and any(name.startswith("TESSELLATED_") for name in types)
             if not (types & _WITH_FACES or self._bounds_nothing(item) or double):
@@ -219,12 +224,12 @@ class StepChecks:
 
     @cached_property
     def _between(self) -> set[int]:
-        """The placements between which parts are moved."""
+        """The placements that transformations of parts refer to."""
         moves = self._text.of("ITEM_DEFINED_TRANSFORMATION", _OPERATOR)
         return {each for move in moves for each in self._text.named(move)}
 
     def _check_operator(self, operator: int) -> None:
-        """Refuse what OpenCASCADE would take for a rotation."""
+        """Refuse a mirroring operator, which OpenCASCADE would take for a rotation."""
         body = self._text.body(operator)
         given = re.fullmatch(
             rf"{_OPERATOR}\s*\(('\d+'|\$),('\d+'|\$),('\d+'|\$),(.*)\)\s*", re.sub(r"\s+", "", body)

@@ -1,4 +1,4 @@
-"""Curves of OpenCASCADE as rational Bezier and B-spline nets: profiles of surfaces, trims."""
+"""OpenCASCADE curves as rational Bezier and B-spline nets, for profiles of surfaces and trims."""
 
 from __future__ import annotations
 
@@ -34,21 +34,25 @@ class Profile(NamedTuple):
     """(n,)."""
     knots: Reals
     arcs: int
-    """Of how many equal arcs it consists, given by their angle; 0: its parameter is its own."""
+    """Number of equal arcs that the net consists of, with their angles as knots (see `Trim`).
+    0: the net has the curve's own parameter."""
 
 
 def xyz(point: Any) -> Reals:
-    """(3,) of a point or a vector of OpenCASCADE."""
+    """Return the coordinates (3,) of an OpenCASCADE point or vector."""
     return np.array([point.X(), point.Y(), point.Z()])
 
 
 def xy(point: Any) -> Reals:
-    """(2,) of a point or a vector of the plane."""
+    """Return the coordinates (2,) of an OpenCASCADE point or vector in the plane."""
     return np.array([point.X(), point.Y()])
 
 
 def on_circle(angle: float) -> tuple[float, float]:
-    """Cosine and sine, exact at quarters: full turns close, and poles lie on their axis."""
+    """Return cosine and sine, exact at quarter turns.
+
+    So full turns close, and poles lie on the axis.
+    """
     quarters = angle / (0.5 * math.pi)
     whole = round(quarters)
     if abs(quarters - whole) <= 1e-15 * max(1.0, abs(quarters)):
@@ -57,10 +61,10 @@ def on_circle(angle: float) -> tuple[float, float]:
 
 
 def arc_net(low: float, high: float) -> tuple[Reals, Reals, Reals, int]:
-    """The arc of a unit circle between two angles, as equal arcs of a quarter at most.
+    """Return the arc of a unit circle between two angles, as equal arcs of at most a quarter turn.
 
     Returns:
-        Control points (2 k + 1, 2), weights, knots (the angles), and how many arcs.
+        Control points (2 k + 1, 2), weights, knots (the angles), and the number k of arcs.
     """
     arcs = max(1, math.ceil((high - low) / (0.5 * math.pi) - 1e-9))
     ends = [low + (high - low) * (i / arcs) for i in range(arcs)] + [high]
@@ -77,10 +81,10 @@ def arc_net(low: float, high: float) -> tuple[Reals, Reals, Reals, int]:
 
 
 def profile(curve: Any, low: float, high: float) -> Profile:
-    """A Geom_Curve between two of its parameters.
+    """Return a Geom_Curve between two of its parameters as a net.
 
     Raises:
-        FormatError: a kind of curve that has no exact form here.
+        FormatError: this kind of curve has no exact form as a net here.
     """
     while isinstance(curve, Geom.Geom_TrimmedCurve):
         curve = curve.BasisCurve()
@@ -115,24 +119,29 @@ def profile(curve: Any, low: float, high: float) -> Profile:
 
 
 def flat_knots(count: int, knot: Any, multiplicity: Any) -> Reals:
-    """Knots, each as often as it counts."""
+    """Return the knots, each repeated by its multiplicity."""
     return np.repeat(
         [knot(i) for i in range(1, count + 1)], [multiplicity(i) for i in range(1, count + 1)]
     )
 
 
 def back(knots: Reals, degree: int, low: float, period: float) -> Reals:
-    """Knots that begin nearest to a parameter: OpenCASCADE cuts out another turn at times."""
+    """Shift knots by whole periods, so that they begin nearest to the parameter `low`.
+
+    OpenCASCADE sometimes cuts a segment out of another turn.
+    """
     if period > 0.0:
         return knots + period * round((low - knots[degree]) / period)
     return knots
 
 
 def trim_curves(edge: Any, face: Any) -> list[TrimCurve]:
-    """An edge's curve in the parameters of a face, as rational Bezier curves in its own direction.
+    """Return an edge's curve in a face's parameters, as rational Bezier curves.
+
+    They run in the direction of the edge's curve, whatever the orientation of the edge.
 
     Raises:
-        FormatError: it has none, or one that has no exact form here.
+        FormatError: the edge has no such curve, or one that has no exact form here.
     """
     if BRep_Tool.CurveOnSurface_s(edge, face, 0.0, 0.0) is None:
         raise FormatError("an edge has no curve on the surface")
@@ -167,7 +176,7 @@ def trim_curves(edge: Any, face: Any) -> list[TrimCurve]:
 
 
 def _hyperbola(shape: Any, low: float, high: float) -> list[TrimCurve]:
-    """An arc of a hyperbola: as one of an ellipse, with cosh and sinh instead of cos and sin."""
+    """Return an arc of a hyperbola: as of an ellipse, with cosh and sinh for cos and sin."""
     count = max(1, math.ceil(high - low))
     ends = np.linspace(low, high, count + 1)
     weight = math.cosh(0.5 * (high - low) / count)
@@ -191,7 +200,7 @@ def _bezier(curve: Any) -> TrimCurve:
 
 
 def turned(curves: list[TrimCurve]) -> list[TrimCurve]:
-    """The same curves the other way round."""
+    """Return the curves reversed, in reversed order."""
     return [
         TrimCurve(each.control[::-1], None if each.weights is None else each.weights[::-1])
         for each in reversed(curves)

@@ -1,4 +1,4 @@
-"""A face of OpenCASCADE as a patch and its trimming loops."""
+"""OpenCASCADE faces as patches with trimming loops."""
 
 from __future__ import annotations
 
@@ -25,33 +25,33 @@ _REVERSED = TopAbs_Orientation.TopAbs_REVERSED
 _FORWARD = TopAbs_Orientation.TopAbs_FORWARD
 _KINDS = TopAbs_ShapeEnum
 _OVERLAP = 1e-6
-"""Loops may run around a closed surface once and so much more."""
+"""Loops may run around a closed surface once, plus this share of its period."""
 _LOOKS = 8
-"""An edge is looked at between so many equal steps."""
+"""An edge is sampled between this many equal steps."""
 _CLOSED = 2.0
-"""Loops may be open by as many of the tolerances that the file gives their ends."""
+"""A gap in a loop may be this many times the loop's tolerance."""
 
 
 class Face(NamedTuple):
-    """A face: an exact patch, and what its loops leave of it."""
+    """A face: an exact patch, and the trim that its loops define."""
 
     net: Net
     """In millimetres."""
     trim: Trim | None
-    """None: all of the patch belongs to the face."""
+    """None: the whole patch belongs to the face."""
     tolerance: float
-    """Millimetres: how far its edges may be from those of its neighbours."""
+    """Millimetres: how far the face's edges may be from the curves along which the faces meet."""
     axis: tuple[Reals, Reals] | None
-    """Millimetres: a point and the direction of the axis that it turns about; None: about none."""
+    """A point (millimetres) on and the direction of the surface's axis of revolution, if any."""
 
 
 def cast(shape: Any, kind: str) -> Any:
-    """A shape as what it is; OCP's older versions call the function otherwise."""
+    """Cast a shape to its kind; older versions of OCP call the function by another name."""
     return (getattr(TopoDS, kind, None) or getattr(TopoDS, f"{kind}_s"))(shape)
 
 
 def shapes_in(shape: Any, kind: str) -> Iterator[Any]:
-    """All shapes of a kind in another, such as the faces of a solid."""
+    """Yield all shapes of a kind in a shape, such as the faces of a solid."""
     explorer = TopExp_Explorer(shape, getattr(_KINDS, f"TopAbs_{kind.upper()}"))
     while explorer.More():
         yield cast(explorer.Current(), kind)
@@ -62,7 +62,8 @@ def read_face(shape: Any) -> Face:
     """Read a face.
 
     Raises:
-        FormatError: it cannot be honoured; the message says why, and what kind of surface it has.
+        FormatError: the face cannot be represented. The message says why, and names the kind of
+            surface.
     """
     face = cast(shape.Oriented(_FORWARD), "Face")
     surface = basis(BRep_Tool.Surface_s(face))
@@ -97,7 +98,7 @@ def _read(face: Any, surface: Any, backward: bool) -> Face:
 
 
 def _loop(wire: Any, face: Any, surface: Any) -> tuple[list[TrimCurve], float]:
-    """The curves of a wire in its order, and the largest of its tolerances and gaps."""
+    """Return the curves of a wire in order, and the largest of its tolerances and gaps (mm)."""
     chain: list[list[TrimCurve]] = []
     tolerance = 0.0
     for edge in shapes_in(wire, "Edge"):
@@ -124,7 +125,7 @@ def _loop(wire: Any, face: Any, surface: Any) -> tuple[list[TrimCurve], float]:
 
 
 def _followed(edges: list[list[TrimCurve]]) -> list[list[TrimCurve]]:
-    """The curves of edges, in any order, so that each begins where the one before it ends."""
+    """Order the curves of edges so that each begins where the previous one ends."""
     chain, left = [edges[0]], edges[1:]
     while left:
         end = chain[-1][-1].control[-1]
@@ -134,11 +135,11 @@ def _followed(edges: list[list[TrimCurve]]) -> list[list[TrimCurve]]:
 
 
 def _beside(edge: Any, face: Any, surface: Any, tolerance: float) -> float:
-    """How far an edge's curve in space may be from that on the surface: nothing, or a tolerance.
+    """Return how far an edge's curve in space may be from its curve on the surface (mm).
 
-    The edge's own tolerance should hold all along; but it is found by looking at some places, and
-    is too small in many files. Where looking shows that, the answer is twice the most that is seen
-    when looking closer: an estimate, no bound.
+    Return 0 if samples agree within the edge's own tolerance. This tolerance should hold along the
+    whole edge. But programs find it from samples, and in many files it is too small. If samples
+    exceed it, return twice the largest distance of finer samples: an estimate, not a bound.
     """
     curve = BRepAdaptor_Curve(edge)
     flat = BRepAdaptor_Curve2d(edge, face)
@@ -156,7 +157,7 @@ def _beside(edge: Any, face: Any, surface: Any, tolerance: float) -> float:
 
 
 def _apart(surface: Any, a: Reals, b: Reals) -> float:
-    """How far apart two points of a surface are; inf where it is another turn around it."""
+    """Return the distance of two points of a surface; inf if they are on different turns of it."""
     turns = [
         (surface.IsUPeriodic() and abs(a[0] - b[0]) > 0.5 * surface.UPeriod()),
         (surface.IsVPeriodic() and abs(a[1] - b[1]) > 0.5 * surface.VPeriod()),
@@ -167,10 +168,10 @@ def _apart(surface: Any, a: Reals, b: Reals) -> float:
 
 
 def _rectangle(loops: list[list[TrimCurve]], surface: Any) -> tuple[Reals, Reals, Reals]:
-    """The smallest rectangle of parameters that surely holds the loops, within the surface's.
+    """Return the smallest rectangle of parameters certain to hold the loops, within the surface's.
 
     Returns:
-        Its corners (2,), and by how much loops around a closed surface overlap (2,).
+        Its two corners (2,), and by how much loops around a closed surface overlap (2,).
     """
     beyond = np.zeros(2)
     umin, umax, vmin, vmax = surface.Bounds()
@@ -200,7 +201,7 @@ def _rectangle(loops: list[list[TrimCurve]], surface: Any) -> tuple[Reals, Reals
 def _one_nappe(
     surface: Any, low: float, high: float, begin: float, end: float
 ) -> tuple[float, float]:
-    """Bounds of v, on a cone no farther than its apex where loops pass it by rounding alone."""
+    """Return the bounds of v; on a cone, end them at the apex if loops pass it only by rounding."""
     apex = apex_of(surface)
     if apex is None:
         return low, high
@@ -219,7 +220,7 @@ def _periods(surface: Any) -> tuple[float, float]:
 
 
 def _speeds(patch: Net) -> Reals:
-    """(2,) millimetres: what a step of u or of v is worth at most (Floater 1992)."""
+    """Return upper bounds (2,) of the speed in u and in v, mm per unit of it (Floater 1992)."""
     speeds = []
     for axis, knots in enumerate((patch.knots_u, patch.knots_v)):
         degree = len(knots) - patch.control.shape[axis] - 1

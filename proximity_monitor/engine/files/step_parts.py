@@ -1,10 +1,10 @@
 """The parts of a STEP file: their names, placements, colours and faces, by OpenCASCADE's XCAF.
 
-What a file means. Its faces meet along edges; each edge has a curve in space, and a tolerance
-within which the edges of both faces, which their trimming curves give them, lie around that curve.
-The thing that is meant has faces that meet along these curves. Its surface is nowhere farther from
-the faces as they stand here than the largest tolerance of its edges and vertices, which is the
-model's deviation.
+Deviation of the model: the faces of a file meet along edges. Each edge has a curve in space and a
+tolerance. The trimming curves of both faces give the edge too, and lie within the tolerance of the
+curve in space. The faces of the intended part meet along the curves in space. So its surface is
+nowhere farther from the faces as read than the largest tolerance of its edges and vertices. This
+tolerance is the model's deviation.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ Reals = NDArray[np.float64]
 Colour = tuple[float, float, float, float]
 
 _GIVEN_BY_NOBODY = re.compile(r"(NAUO ?\d*|=>\[[\d:]*\]||NONE|COMPOUND|SOLID)", re.IGNORECASE)
-"""Names that programs give to what has none."""
+"""Names that programs generate for labels without a name."""
 _NAMED = re.compile(r"Ent\.Id\.#(\d+)")
 _SETTINGS = {
     "xstep.cascade.unit": "MM",
@@ -68,7 +68,7 @@ _SETTINGS = {
     "step.angleunit.mode": "File",
     "read.step.root.transformation": "ON",
 }
-"""OpenCASCADE's settings are the process's: others in it may have changed them."""
+"""OpenCASCADE's settings are global to the process, so other code may have changed them."""
 _COLOURS = (
     XCAFDoc_ColorType.XCAFDoc_ColorSurf, XCAFDoc_ColorType.XCAFDoc_ColorGen,
     XCAFDoc_ColorType.XCAFDoc_ColorCurv,
@@ -80,7 +80,7 @@ class PartShape(NamedTuple):
 
     faces: list[Face]
     revolution: Revolution | None
-    """What they bound together, where that is a solid of revolution."""
+    """The solid that the faces bound, if it is a solid of revolution."""
 
 
 class Part(NamedTuple):
@@ -88,18 +88,18 @@ class Part(NamedTuple):
 
     name: str
     pose: Reals
-    """(4, 4), millimetres."""
+    """(4, 4) millimetres, from the part's frame to the assembly's."""
     colour: Colour | None
     """Red, green, blue, opacity, each 0 to 1 (sRGB)."""
     shape: PartShape
 
 
 def read_parts(file: Path) -> list[Part]:
-    """All parts of a STEP file that have faces, in its order.
+    """Return all parts of a STEP file that have faces, in the file's order.
 
     Raises:
-        FormatError: not readable, damaged, not all of it is read, no faces, a face that cannot be
-            honoured.
+        FormatError: the file is unreadable, damaged, only partly read or without faces, or a face
+            cannot be represented.
     """
     checks = StepChecks(StepText(file.read_bytes(), file.name))
     with _settings():
@@ -107,7 +107,7 @@ def read_parts(file: Path) -> list[Part]:
 
 
 def _transferred(file: Path, checks: StepChecks) -> list[Part]:
-    """All parts of a file, which are those that it states."""
+    """Return all parts of a file; refuse it if some that it states are missing."""
     document = TDocStd_Document(TCollection_ExtendedString("XmlOcaf"))
     XCAFApp_Application.GetApplication_s().InitDocument(document)
     _quiet()
@@ -136,8 +136,8 @@ def _transferred(file: Path, checks: StepChecks) -> list[Part]:
 
 @contextmanager
 def _settings() -> Iterator[None]:
-    """OpenCASCADE's settings as this reader needs them, for as long as it reads."""
-    STEPCAFControl_Reader()  # makes them known
+    """Set OpenCASCADE's settings as this reader needs them, and restore them at the end."""
+    STEPCAFControl_Reader()  # creates the settings
     known = [key for key in _SETTINGS if Interface_Static.IsPresent_s(key)]
     before = {key: Interface_Static.CVal_s(key) for key in known}
     try:
@@ -151,14 +151,14 @@ def _settings() -> Iterator[None]:
 
 
 def _check_loaded(reader: Any, checks: StepChecks) -> None:
-    """Refuse statements of a shape, a place or a unit that OpenCASCADE has read in part alone."""
+    """Refuse statements of a shape, a placement or a unit that OpenCASCADE has only partly read."""
     failed = reader.ChangeReader().WS().ModelCheckList()
     failed.Start()
     while failed.More():
         check = failed.Value()
         for i in range(1, check.NbFails() + 1):
             why, number = check.CFail(i), checks.statement(failed.Number())
-            if number is None:  # what is wrong with the file as a whole may name a statement
+            if number is None:  # the message of an error of the whole file may name a statement
                 named = _NAMED.search(why)
                 number = int(named[1]) if named else None
             if number is None or number in checks.relevant:
@@ -167,7 +167,7 @@ def _check_loaded(reader: Any, checks: StepChecks) -> None:
 
 
 def _faces_made(reader: Any) -> int:
-    """Of how many faces of the file OpenCASCADE has made any."""
+    """Return for how many faces of the file OpenCASCADE has made a shape."""
     process = reader.ChangeReader().WS().TransferReader().TransientProcess()
     return sum(
         isinstance(process.Mapped(i), StepShape_FaceSurface) and process.MapItem(i).HasResult()
@@ -176,13 +176,13 @@ def _faces_made(reader: Any) -> int:
 
 
 def _quiet() -> None:
-    """Let OpenCASCADE say on the console what fails, and nothing else."""
+    """Let OpenCASCADE print only failures on the console."""
     for printer in Message.DefaultMessenger_s().Printers():
         printer.SetTraceLevel(Message_Gravity.Message_Fail)
 
 
 def _distinct(parts: list[Part]) -> list[Part]:
-    """The same parts, of which no two have the same name: the second is NAME 2."""
+    """Return the parts with unique names: the second part called NAME becomes NAME 2."""
     taken = {part.name for part in parts}
     seen: set[str] = set()
     made = []
@@ -196,7 +196,7 @@ def _distinct(parts: list[Part]) -> list[Part]:
 
 
 class _Document:
-    """What a document holds; shapes that are placed several times are read once."""
+    """The content of an XCAF document. A shape that is placed several times is read once."""
 
     def __init__(self, document: Any) -> None:
         self._shapes = XCAFDoc_DocumentTool.ShapeTool_s(document.Main())
@@ -213,7 +213,7 @@ class _Document:
         return _distinct(parts)
 
     def _below(self, label: Any, pose: Reals, name: str, colour: Colour | None) -> Iterator[Part]:
-        """The parts under a label, which may be an assembly, a placed shape or a shape."""
+        """Yield the parts under a label, which may be an assembly, a placed shape or a shape."""
         colour = self._colour(label) or colour
         own = _name(label)
         if XCAFDoc_ShapeTool.IsReference_s(label):
@@ -246,7 +246,7 @@ class _Document:
         return None
 
     def _of_faces(self, shape: Any) -> Colour | None:
-        """The colour of a shape's own solids or of its first face that has one."""
+        """Return the colour of the first solid that has one, else of a shell, else of a face."""
         colour = Quantity_ColorRGBA()
         for sort in ("Solid", "Shell", "Face"):
             for each in shapes_in(shape, sort):
@@ -257,10 +257,11 @@ class _Document:
 
 
 def read_shape(shape: Any, name: str) -> PartShape:
-    """All faces of a shape.
+    """Read all faces of a shape.
 
     Raises:
-        FormatError: faces that cannot be honoured; it names each, its type and the part.
+        FormatError: some faces cannot be represented. The message names the part and up to three
+            faces with their types.
     """
     faces, refused = [], []
     for number, face in enumerate(shapes_in(shape, "Face"), 1):
@@ -279,16 +280,17 @@ def _each(labels: Any) -> Iterator[Any]:
 
 
 def _entry(label: Any) -> str:
-    """What a label is called in its document."""
+    """Return the entry of a label, which identifies it in its document."""
     text = TCollection_AsciiString()
     TDF_Tool.Entry_s(label, text)
     return text.ToCString()
 
 
 def _name(label: Any) -> str:
-    """The name somebody gave to a label; empty: nobody did.
+    """Return the name of a label; empty if it has none, or only a generated one.
 
-    Programs number the occurrences of a part; a part may have a number for its name.
+    Programs number the occurrences of a part, so a number is no name of an occurrence. It may be
+    the name of a part.
     """
     name = TDataStd_Name()
     if not label.FindAttribute(TDataStd_Name.GetID_s(), name):
@@ -299,10 +301,10 @@ def _name(label: Any) -> str:
 
 
 def _matrix(location: Any) -> Reals:
-    """(4, 4) of a placement.
+    """Return the matrix (4, 4) of a placement.
 
     Raises:
-        FormatError: it is no rigid motion.
+        FormatError: the placement is no rigid motion.
     """
     motion = location.Transformation()
     matrix = np.eye(4)

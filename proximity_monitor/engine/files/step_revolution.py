@@ -1,8 +1,10 @@
-"""Whether the faces of a part are those of a solid of revolution, and how far they are from it.
+"""Recognise a part as a solid of revolution, and bound how far its faces are from that solid.
 
-Each face is compared with what the profile sweeps: one that turns about the axis by its control
-points, a disc or a ring by its loops. So the distance that is found holds for every point of the
-faces, and for every point of the solid's boundary, which the faces cover.
+A face is a sector of a surface that a profile curve sweeps about the axis, or it is flat and across
+the axis: a disc or a ring. Sectors on the same curve form a band. Each face is compared with the
+sweep of its curve: a sector by its control points, a disc or ring by its loops. So the distance
+found holds for every point of the faces, and for every point of the solid's boundary, which the
+faces cover.
 """
 
 from __future__ import annotations
@@ -25,9 +27,9 @@ Reals = NDArray[np.float64]
 
 _EPS = float(np.finfo(np.float64).eps)
 _ROUNDING = 64.0 * _EPS
-"""Share of the largest coordinate P by which a comparison may err. Turning a control point takes
-sums of three products, each of which errs by some units, and so do a height above a plane and the
-square of a radius. Weights that agree to 4 eps move no point by more than 8 eps times 2 P."""
+"""Rounding allowance of a comparison, as a share of the largest coordinate P. Rotating a control
+point takes sums of three products, and each sum errs by a few eps. So do a height above a plane and
+the square of a radius. Weights that agree to 4 eps move a point by at most 8 eps times 2 P."""
 
 _SAME_WEIGHTS = 4.0 * _EPS
 
@@ -36,15 +38,15 @@ class Revolution(NamedTuple):
     """A solid of revolution, in millimetres."""
 
     curves: list[tuple[Reals, Reals, Reals]]
-    """Of the profile, one after the other: control points (n, 2), weights, knots."""
+    """The curves of the profile, in order: control points (n, 2), weights, knots."""
     origin: Reals
     axis: Reals
     apart: float
-    """No point of its boundary is farther from the faces, and none of theirs from it."""
+    """Upper bound of the Hausdorff distance between the solid's boundary and the faces."""
 
 
 class _Frame(NamedTuple):
-    """The axis z of a part, and two directions across it."""
+    """A frame whose z axis is the part's axis of revolution."""
 
     origin: Reals
     axes: Reals
@@ -52,19 +54,19 @@ class _Frame(NamedTuple):
 
     @classmethod
     def of(cls, place: Reals, axis: Reals) -> Self:
-        """The one whose origin is nearest to the part's own."""
+        """Return the frame of an axis, with its origin as near as possible to the part's origin."""
         x = np.eye(3)[0 if abs(axis[0]) < 0.9 else 1]
         x = x - (x @ axis) * axis
         x /= np.linalg.norm(x)
         return cls(place - (place @ axis) * axis, np.array([x, np.cross(axis, x), axis]))
 
     def own(self, points: Reals) -> Reals:
-        """Points (..., 3) in this frame."""
+        """Return points (..., 3) in this frame."""
         return (points - self.origin) @ self.axes.T
 
 
 def _turned(direction: Reals, angle: float) -> Reals:
-    """A direction (2,) across the axis, turned about it."""
+    """Return a direction (2,) across the axis, rotated about the axis."""
     cos, sin = on_circle(angle)
     return np.array([[cos, -sin], [sin, cos]]) @ direction
 
@@ -73,15 +75,15 @@ class _Sector(NamedTuple):
     """A face whose first parameter is the angle about the axis."""
 
     net: Net
-    """In the frame."""
+    """The face's patch, in the frame of the axis."""
     x: Reals
-    """(2,) the direction across the axis where the angle is 0."""
+    """(2,) the direction across the axis at angle 0."""
     sense: int
-    """1 where the angle grows around the axis, -1 where it grows the other way."""
+    """1 if the angle grows counterclockwise about the axis, else -1."""
 
     @classmethod
     def of(cls, net: Net) -> Self | None:
-        """A face; None: its parameter is no angle, or about another axis."""
+        """Return the sector of a face; None if u is no angle, or the profile lies on the axis."""
         if net.arcs[0] == 0:
             return None
         rims = np.hypot(net.control[0, :, 0], net.control[0, :, 1])
@@ -94,19 +96,19 @@ class _Sector(NamedTuple):
         return cls(net, _turned(first / rims[far], -sense * low[0]), sense)
 
     def profile(self) -> Reals:
-        """(n, 2) control points, rho and z, of the curve where it begins."""
+        """Return the control points (n, 2), rho and z, of the curve at the sector's start."""
         low, _ = self.net.rectangle()
         first = _turned(self.x, self.sense * low[0])
         return np.column_stack([self.net.control[0, :, :2] @ first, self.net.control[0, :, 2]])
 
     def span(self) -> tuple[float, float]:
-        """From which angle about the frame's axis it goes how far."""
+        """Return the start angle about the frame's axis, and the angle that the sector covers."""
         low, high = self.net.rectangle()
         begin = math.atan2(self.x[1], self.x[0]) + (low[0] if self.sense > 0 else -high[0])
         return begin % (2.0 * math.pi), float(high[0] - low[0])
 
     def backward(self) -> Self:
-        """The same face, with its profile the other way round."""
+        """Return the same sector with its profile reversed."""
         net = self.net
         turned = net._replace(
             control=net.control[:, ::-1], weights=net.weights[:, ::-1], knots_v=-net.knots_v[::-1]
@@ -114,10 +116,10 @@ class _Sector(NamedTuple):
         return self._replace(net=turned)
 
     def apart(self, profile: Reals) -> float:
-        """How far it is from what a profile sweeps; inf where the weights are other ones.
+        """Return a bound of how far the sector is from a profile's sweep; inf if weights differ.
 
-        Of two patches with the same weights, points at the same parameters are no farther apart
-        than the control points.
+        If two patches have the same weights, their points at the same parameters are no farther
+        apart than their control points.
         """
         low, high = self.net.rectangle()
         frame = np.eye(3)
@@ -132,17 +134,17 @@ class _Sector(NamedTuple):
 
 @dataclass
 class _Band:
-    """What a curve of the profile sweeps: one face, or several beside each other."""
+    """The faces that a curve of the profile sweeps: one, or several side by side about the axis."""
 
     sectors: list[_Sector]
     control: Reals
     """(n, 2) rho and z."""
     outward: int
-    """1 where the normals of the faces are on the right of the curve, else -1."""
+    """1 if the normals of the faces are on the right of the curve, else -1."""
 
     @classmethod
     def of(cls, sector: _Sector, outward: int) -> Self:
-        """That of one face."""
+        """Return the band of one face."""
         return cls([sector], sector.profile(), outward)
 
     @property
@@ -152,11 +154,11 @@ class _Band:
 
     @property
     def knots(self) -> Reals:
-        """Of the curve."""
+        """The knots of the curve."""
         return self.sectors[0].net.knots_v
 
     def takes(self, other: Self, tolerance: float) -> bool:
-        """Whether another band is of the same curve; then its faces are taken over."""
+        """Take over the faces of another band if it has the same curve; return whether it has."""
         if self.control.shape != other.control.shape or self.outward != other.outward:
             return False
         alike = np.allclose(self.weights, other.weights, rtol=_SAME_WEIGHTS, atol=0.0)
@@ -166,7 +168,7 @@ class _Band:
         return True
 
     def apart(self, control: Reals) -> float:
-        """How far the faces are from what a curve sweeps, all the way around."""
+        """Return a bound of how far the faces are from the sweep of a curve over the full turn."""
         spans = sorted(sector.span() for sector in self.sectors)
         ends = [*spans[1:], (spans[0][0] + 2.0 * math.pi, 0.0)]
         left = max(abs(b - (a + width)) for (a, width), (b, _) in zip(spans, ends, strict=True))
@@ -176,12 +178,12 @@ class _Band:
 
 @dataclass
 class _Ring:
-    """A face across the axis: a disc, or one with a round hole."""
+    """A flat face across the axis: a disc, or a disc with a round hole."""
 
     radii: list[tuple[float, float]]
-    """Between which each of its loops is, from the hole outward; of a disc it begins with 0, 0."""
+    """Least and greatest radius of the inner and the outer loop; (0, 0) if there is no hole."""
     heights: Reals
-    """Of the corners of a rectangle in which the face lies."""
+    """(4,) heights of the corners of a parallelogram that holds the face."""
     outward: int
     """See `_Band`."""
     control: Reals = field(init=False)
@@ -193,10 +195,11 @@ class _Ring:
         self.control = np.array([[0.5 * (low + high), middle] for low, high in self.radii])
 
     def apart(self, control: Reals) -> float:
-        """How far the face is from what a line sweeps, and this from the face.
+        """Return a bound of how far the face and the sweep of a line are from each other.
 
-        All of the plane that is farther from the axis than the hole's loop reaches, and nearer than
-        the outer one, belongs to the face; nothing does that no loop reaches.
+        The points of the plane between the greatest radius of the inner loop and the least radius
+        of the outer loop belong to the face. Points inside the inner loop's least radius or outside
+        the outer loop's greatest radius do not.
         """
         across = max(
             max(abs(rho - low), abs(high - rho))
@@ -206,9 +209,9 @@ class _Ring:
 
 
 def find_revolution(faces: Sequence[Face]) -> Revolution | None:
-    """The solid of revolution that has these faces; None: there is none.
+    """Return the solid of revolution that has these faces; None if there is none.
 
-    It is one if they are no farther from its boundary than the largest of their tolerances.
+    The faces must be no farther from the solid's boundary than the largest of their tolerances.
     """
     about = [face.axis for face in faces if face.axis is not None]
     if not about:
@@ -241,7 +244,7 @@ _Piece = _Band | _Ring
 
 
 def _pieces(faces: Sequence[Face], frame: _Frame, tolerance: float) -> list[_Piece]:
-    """What each face, or several together, sweep; nothing where one of them turns about no axis."""
+    """Return the bands and rings of the faces; an empty list if a face fits neither."""
     bands: list[_Band] = []
     rings: list[_Ring] = []
     for face in faces:
@@ -265,7 +268,7 @@ def _pieces(faces: Sequence[Face], frame: _Frame, tolerance: float) -> list[_Pie
 
 
 def _is_plane(net: Net) -> bool:
-    """Whether a patch is a parallelogram, whose parameters run evenly."""
+    """Return whether a patch is a parallelogram that is linear in u and in v."""
     if net.control.shape != (2, 2, 3) or np.ptp(net.weights) > 0.0:
         return False
     (a, b), (c, d) = net.control
@@ -273,7 +276,7 @@ def _is_plane(net: Net) -> bool:
 
 
 def _ring(net: Net, face: Face) -> _Ring | None:
-    """A plane face in the frame; None: it is not across the axis, or not round."""
+    """Return a plane face as a ring; None if its loops are not round about the axis."""
     corner, u, v = net.control[0, 0], *(net.control[[1, 0], [0, 1]] - net.control[0, 0])
     if face.trim is None or len(face.trim.loops) > 2:
         return None
@@ -294,16 +297,16 @@ def _ring(net: Net, face: Face) -> _Ring | None:
 
 
 def _placed(curve: Reals, corner: Reals, sides: Reals) -> Reals:
-    """The control points (n, 3), homogeneous, of a curve in the unit square of a plane."""
+    """Return the homogeneous control points (n, 3) in the plane of a curve in the unit square."""
     return np.column_stack([curve[:, 2:] * corner + curve[:, :2] @ sides, curve[:, 2]])
 
 
 def _round(curves: list[Reals]) -> tuple[float, float] | None:
-    """Between which radii a closed loop of curves runs around the origin once; None: it does not.
+    """Return radii between which a closed loop of curves runs around the origin once, or None.
 
-    The square of a radius is a quotient of two polynomials, and lies between the quotients of their
-    coefficients. A curve whose control points are all on one side of a line through the origin
-    turns about it by the angle between its ends.
+    The square of a radius is a quotient of two polynomials, and lies between the least and greatest
+    quotient of their coefficients. If all control points of a curve are on one side of a line
+    through the origin, the curve turns about the origin by the angle between its ends.
     """
     turn, low, high = 0.0, math.inf, 0.0
     for curve in curves:
@@ -324,9 +327,10 @@ def _round(curves: list[Reals]) -> tuple[float, float] | None:
 
 
 def _in_order(pieces: Sequence[_Piece], near: float) -> list[tuple[_Piece, bool]]:
-    """The pieces one after the other, and whether each runs backward; nothing: they do not follow.
+    """Return the pieces in order along the profile, each with whether it runs backward.
 
-    The first begins on the axis, or they run around in a loop.
+    The first piece begins on the axis, or the pieces form a closed loop. Return an empty list if
+    the pieces do not connect, or the normals of their faces point to different sides.
     """
     if not pieces:
         return []
@@ -353,9 +357,10 @@ def _in_order(pieces: Sequence[_Piece], near: float) -> list[tuple[_Piece, bool]
 
 
 def _joined(ordered: Sequence[tuple[_Piece, bool]], near: float) -> list[Reals]:
-    """The control points of each curve, in the order of the profile; ends meet in the middle.
+    """Return the control points of each curve along the profile, with connected ends made equal.
 
-    What does not end where it began ends on the axis.
+    Ends that meet are moved to their midpoint. If the profile is open, its two ends are moved onto
+    the axis.
     """
     curves = [
         piece.control[::-1].copy() if backward else piece.control.copy()

@@ -1,4 +1,4 @@
-"""Surfaces of OpenCASCADE over a rectangle of their parameters, as exact rational patches."""
+"""OpenCASCADE surfaces over a rectangle of their parameters, as exact rational patches."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ class Net(NamedTuple):
     knots_u: Reals
     knots_v: Reals
     arcs: tuple[int, int]
-    """Of how many equal arcs it consists in u and in v (see Trim); 0: u or v is the surface's."""
+    """Number of equal arcs in u and in v (see `Trim`); 0: u or v is the surface's own parameter."""
 
     def rectangle(self) -> tuple[Reals, Reals]:
-        """Where its parameters (2,) begin and end."""
+        """Return where the parameters (2,) begin and end."""
         ends = []
         for axis, knots in enumerate((self.knots_u, self.knots_v)):
             count = self.control.shape[axis]
@@ -37,30 +37,30 @@ class Net(NamedTuple):
         return low, high
 
     def reversed_u(self) -> Net:
-        """The same patch over -u: its normal points the other way."""
+        """Return the same patch over -u; its normal points the other way."""
         return self._replace(
             control=self.control[::-1], weights=self.weights[::-1], knots_u=-self.knots_u[::-1]
         )
 
     def scaled(self, factor: float) -> Net:
-        """The same in another unit of length; parameters stay."""
+        """Return the patch in another unit of length, with the same parameters."""
         return self._replace(control=self.control * factor)
 
 
 def basis(surface: Any) -> Any:
-    """A surface without the rectangles that are cut out of it."""
+    """Return the basis surface of a surface that is trimmed to rectangles."""
     while isinstance(surface, Geom.Geom_RectangularTrimmedSurface):
         surface = surface.BasisSurface()
     return surface
 
 
 def kind_of(surface: Any) -> str:
-    """What messages call a surface."""
+    """Return the kind of a surface, as messages name it."""
     return type(surface).__name__.removeprefix("Geom_").removesuffix("Surface").lower()
 
 
 def axis_of(surface: Any) -> tuple[Reals, Reals] | None:
-    """A point (3,) and the direction (3,) of the axis that a surface turns about; None: of none."""
+    """Return a point (3,) on and the direction (3,) of a surface's axis of revolution, if any."""
     if isinstance(surface, Geom.Geom_Plane):
         return None
     if isinstance(surface, Geom.Geom_ElementarySurface | Geom.Geom_SurfaceOfRevolution):
@@ -70,17 +70,17 @@ def axis_of(surface: Any) -> tuple[Reals, Reals] | None:
 
 
 def apex_of(surface: Any) -> float | None:
-    """The parameter v of a cone's apex; None: the surface is no cone."""
+    """Return the parameter v of a cone's apex; None if the surface is no cone."""
     if isinstance(surface, Geom.Geom_ConicalSurface):
         return -surface.RefRadius() / math.sin(surface.SemiAngle())
     return None
 
 
 def net(surface: Any, low: Reals, high: Reals) -> Net:
-    """A surface between two corners (2,) of its parameters.
+    """Return a surface between two corners (2,) of its parameters as a patch.
 
     Raises:
-        FormatError: a kind of surface that has no exact form here.
+        FormatError: this kind of surface has no exact form here.
     """
     if isinstance(surface, Geom.Geom_Plane):
         return _plane(surface, low, high)
@@ -110,7 +110,11 @@ def _plane(surface: Any, low: Reals, high: Reals) -> Net:
 
 
 def _meridian(surface: Any, low: float, high: float) -> Profile:
-    """The curve (rho, 0, z) that runs around the axis of an elementary surface."""
+    """Return the meridian (rho, 0, z) that sweeps an elementary surface about its axis.
+
+    Raises:
+        FormatError: a cone reaches beyond its apex, or this type of surface is not read.
+    """
     if isinstance(surface, Geom.Geom_CylindricalSurface | Geom.Geom_ConicalSurface):
         cone = isinstance(surface, Geom.Geom_ConicalSurface)
         radius = surface.RefRadius() if cone else surface.Radius()
@@ -133,7 +137,7 @@ def _meridian(surface: Any, low: float, high: float) -> Profile:
 
 
 def around_z(flat: Profile, origin: Reals, frame: list[Reals], low: float, high: float) -> Net:
-    """A curve (rho, 0, z) turned about the axis of a frame; rho < 0 may be, inside a spindle."""
+    """Revolve a curve (rho, 0, z) about a frame's z axis; rho < 0 occurs inside a spindle torus."""
     unit, weights, knots, arcs = arc_net(low, high)
     rho, z = flat.control[:, 0], flat.control[:, 2]
     rim = unit[:, :1] * frame[0] + unit[:, 1:] * frame[1]
@@ -142,7 +146,7 @@ def around_z(flat: Profile, origin: Reals, frame: list[Reals], low: float, high:
 
 
 def _revolved(curve: Profile, origin: Reals, axis: Reals, low: float, high: float) -> Net:
-    """A curve in space turned about an axis."""
+    """Revolve a curve in space about an axis."""
     unit, weights, knots, arcs = arc_net(low, high)
     off = curve.control - origin
     foot = (off @ axis)[:, None] * axis
@@ -153,7 +157,7 @@ def _revolved(curve: Profile, origin: Reals, axis: Reals, low: float, high: floa
 
 
 def _swept(curve: Profile, direction: Reals, low: float, high: float) -> Net:
-    """A curve in space moved along a direction."""
+    """Extrude a curve in space along a direction."""
     steps = np.array([low, high])[None, :, None] * direction
     control = curve.control[:, None] + steps
     weights = np.repeat(curve.weights[:, None], 2, axis=1)

@@ -1,4 +1,4 @@
-"""The statements of a STEP file and what they name, whatever OpenCASCADE makes of them."""
+"""The statements of a STEP file and their references, parsed independently of OpenCASCADE."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from functools import cached_property
 from .triangles import FormatError
 
 _ASIDE = re.compile(rb"'(?:[^']|'')*'|/\*.*?\*/", re.DOTALL)
-"""Strings and comments, in which anything may stand."""
+"""Strings and comments, which may contain any characters."""
 _STATEMENT = re.compile(rb"#(\d+)\s*=\s*([^;]*);")
 _NUMBER = re.compile(rb"#(\d+)")
 _TYPE = re.compile(rb"([A-Z][A-Z0-9_]*)\s*\(")
 _STRING = re.compile(rb"'(\d+)'")
 _SHAPES = re.compile(r"\.(stp|step|stpz|stpx|p21|ifc|igs|iges)\Z", re.IGNORECASE)
-"""Names of files that hold parts; others, as drawings, notes and standards, belong to one."""
+"""Names of files that hold parts. Other documents (drawings, notes, standards) describe a part."""
 _OWN_NAME = re.compile(rb"\bFILE_NAME\s*\(\s*'(\d+)'")
 _FOLDERS = re.compile(r".*[/\\]")
 _ELSEWHERE = re.compile(rb"\bREFERENCE\s*;")
@@ -25,11 +25,11 @@ class StepText:
     """The statements of a file by their number.
 
     Args:
-        data: its bytes.
-        name: its name; a file may refer to itself.
+        data: the file's bytes.
+        name: the file's name; a file may refer to itself.
 
     Raises:
-        FormatError: a number that stands for two statements; parts in other files.
+        FormatError: two statements have the same number, or parts are in other files.
     """
 
     def __init__(self, data: bytes, name: str = "") -> None:
@@ -54,7 +54,7 @@ class StepText:
 
     @cached_property
     def numbers(self) -> list[int]:
-        """Those of all statements, in the file's order."""
+        """The numbers of all statements, in the file's order."""
         return list(self._bodies)
 
     def _kept(self, found: re.Match[bytes]) -> bytes:
@@ -64,19 +64,19 @@ class StepText:
         return b"'%d'" % (len(self._strings) - 1)
 
     def body(self, number: int) -> str:
-        """A statement without its number; each string is a number in quotes."""
+        """Return a statement without its number; each string is replaced by an index in quotes."""
         return self._bodies[number].decode("ascii", "replace")
 
     def types(self, number: int) -> set[str]:
-        """The types of a statement, and those of the values in it."""
+        """Return the types of a statement and of the typed values in it."""
         return {each.decode() for each in _TYPE.findall(self._bodies[number])}
 
     def named(self, number: int) -> list[int]:
-        """The statements that one names, in its order."""
+        """Return the statements that a statement refers to, in order."""
         return [int(each) for each in _NUMBER.findall(self._bodies[number])]
 
     def string(self, number: int, which: int = 0) -> str:
-        """A string of a statement; empty: it has none."""
+        """Return one string of a statement; empty if it has no such string."""
         found = _STRING.findall(self._bodies[number])
         return self._string(found[which]) if which < len(found) else ""
 
@@ -84,9 +84,10 @@ class StepText:
         return self._strings[int(which)].decode("utf-8", "replace").replace("''", "'")
 
     def value(self, number: int, depth: int = 4) -> str:
-        """A statement with its strings and, in place of their numbers, what it names.
+        """Return a statement with its strings, and with its references replaced by their values.
 
-        So deep at most: what is named below stays a number, as where a damaged file goes in rings.
+        References deeper than `depth` stay numbers. So a damaged file whose references form a
+        cycle ends too.
         """
         if depth == 0 or number not in self._bodies:
             return f"#{number}"
@@ -103,14 +104,14 @@ class StepText:
         return found
 
     def of(self, *types: str) -> list[int]:
-        """The statements of any of these types, each once."""
+        """Return the statements of any of these types, each once."""
         return list(dict.fromkeys(n for each in types for n in self._by_type.get(each, ())))
 
     def below(self, numbers: Iterable[int]) -> set[int]:
-        """Statements, and all that they name in turn.
+        """Return statements and all that they refer to, directly or indirectly.
 
         Raises:
-            FormatError: a number that stands for none.
+            FormatError: a statement refers to a missing one.
         """
         found, left = set(), list(numbers)
         while left:
@@ -127,5 +128,5 @@ class StepText:
 
 
 def _bare(name: str) -> str:
-    """A file's name without its folders, in small letters."""
+    """Return a file's name without its folders, in lower case."""
     return _FOLDERS.sub("", name).lower()

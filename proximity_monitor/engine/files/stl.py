@@ -1,4 +1,4 @@
-"""STL, binary and ASCII."""
+"""Reader for STL, binary and ASCII."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _FACET = tuple(
 _KEYWORDS = [i for i, word in enumerate(_FACET) if word.isalpha()]
 _COORDINATES = [8, 9, 10, 12, 13, 14, 16, 17, 18]
 _BLOCK = 1 << 22
-"""Bytes of a text whose words are held at once: they take ten times as much."""
+"""Bytes of text that are split into words at once. The words take ten times as much memory."""
 
 _SOLID = re.compile(rb"\s*solid\b")
 _FURTHER = re.compile(rb"\s*(facet|endsolid)\b")
@@ -31,10 +31,10 @@ _LINE_END = re.compile(rb"[\r\n]|\Z")
 
 
 def read_stl(data: bytes, _: Path) -> Triangles:
-    """Read an STL file; the vertices that it repeats for each triangle are merged where equal.
+    """Read an STL file, and merge equal vertices, which STL repeats for each triangle.
 
-    Behind the triangles of a binary one may be text, zeros, or less than one triangle has. More of
-    other bytes shows that there are more triangles than announced, and is refused.
+    After its triangles, a binary file may hold text, zeros, or fewer bytes than one triangle has.
+    Any other bytes mean that it holds more triangles than it announces; it is refused.
     """
     text = without_mark(data)
     count = int.from_bytes(data[80:84], "little")
@@ -65,7 +65,7 @@ def _is_text(data: bytes) -> bool:
 
 
 def _ascii(text: bytes) -> Reals:
-    """The corners (3 m, 3) of all solids."""
+    """Return the corners (3 m, 3) of all solids in an ASCII file."""
     parts, at = [np.empty((0, 9))], 0
     while solid := _SOLID.match(text, at):
         start = _name_end(text, solid.end())
@@ -85,10 +85,11 @@ def _ascii(text: bytes) -> Reals:
 
 
 def _name_end(text: bytes, at: int) -> int:
-    """Where the name of a solid ends.
+    """Return where the name of a solid ends.
 
-    It goes to the end of its line, whatever words are in it, unless the line goes on with the first
-    facet, or closes the solid and no line below does.
+    The name runs to the end of its line, whatever words are in it, with two exceptions. It ends
+    before a facet that opens on the same line. It ends before an `endsolid` on the same line if
+    neither a facet nor an `endsolid` follows the line.
     """
     line_end = _LINE_END.search(text, at).start()
     facet = _facet_in(text, at, line_end)
@@ -99,7 +100,10 @@ def _name_end(text: bytes, at: int) -> int:
 
 
 def _closing_end(text: bytes, at: int) -> int:
-    """Where the name behind an `endsolid` ends: with its line, or before a solid with facets."""
+    """Return where the name after an `endsolid` ends.
+
+    It ends with its line, or before a `solid` on the same line that opens a facet there.
+    """
     line_end = _LINE_END.search(text, at).start()
     facet = _facet_in(text, at, line_end)
     solid = None if facet is None else _NEXT_SOLID.search(text, at, facet)
@@ -107,13 +111,13 @@ def _closing_end(text: bytes, at: int) -> int:
 
 
 def _facet_in(text: bytes, at: int, line_end: int) -> int | None:
-    """Where the first facet that opens in the rest of a line starts."""
+    """Return where the first facet in the rest of a line starts; None if there is none."""
     words = (word.start() for word in _WORD_FACET.finditer(text, at, line_end))
     return next((start for start in words if _OPEN_FACET.match(text, start)), None)
 
 
 def _blocks(text: bytes, start: int, stop: int) -> Iterator[tuple[int, int]]:
-    """Where blocks of whole facets start and end."""
+    """Yield the start and end of blocks of whole facets."""
     while start < stop:
         cut = text.find(b"endfacet", start + _BLOCK, stop)
         cut = stop if cut < 0 else cut + len(b"endfacet")
@@ -122,7 +126,7 @@ def _blocks(text: bytes, start: int, stop: int) -> Iterator[tuple[int, int]]:
 
 
 def _facets(text: bytes, start: int, stop: int) -> Reals:
-    """The coordinates (m, 9) of a block of facets."""
+    """Return the coordinates (m, 9) of a block of facets."""
     words, size = text[start:stop].split(), len(_FACET)
 
     def where(i: int) -> str:
@@ -150,11 +154,11 @@ def _line(text: bytes, at: int) -> str:
 
 
 def _merged(corners: Reals) -> Triangles:
-    """Triangles (3 m, 3) with each distinct corner once, in the order in which they appear."""
+    """Merge equal corners (3 m, 3) of triangles; the vertices keep the order of appearance."""
     if not len(corners):
         return Triangles(corners, no_triangles())
-    check_finite(corners)  # while they have their numbers
-    order = np.lexsort(corners.T)  # stable: equal ones keep the order in which they appear
+    check_finite(corners)  # before merging, so that an error gives the index in the file
+    order = np.lexsort(corners.T)  # stable: equal corners keep their order of appearance
     ranked = corners[order]
     starts = np.concatenate(([True], (ranked[1:] != ranked[:-1]).any(axis=1)))
     firsts = order[starts]

@@ -1,8 +1,8 @@
 """Words and numbers of text files.
 
-Python takes more for a number than the formats do: 1_0 is 10 to it, and so are the digits of other
-scripts in a str. So numbers are read from bytes, and none with an underscore is one. What is not
-finite is a number here; it is refused where it is a coordinate.
+Python accepts more numbers than the formats do: 1_0 means 10, and a str may hold the digits of
+other scripts. So numbers are parsed from bytes, and a word with an underscore is refused. Infinity
+and NaN are numbers here; the readers refuse them as coordinates.
 """
 
 from __future__ import annotations
@@ -21,32 +21,32 @@ _WHOLE = re.compile(rb"[+-]?\d{1,18}")
 
 
 def without_mark(data: bytes) -> bytes:
-    """A text without the byte-order mark that some editors write before UTF-8."""
+    """Return a text without the byte-order mark that some editors write before UTF-8."""
     return data.removeprefix(b"\xef\xbb\xbf")
 
 
 def without_comment(line: bytes) -> bytes:
-    """A line up to its comment; 1.#INF is what some libraries write for infinity, no comment."""
+    """Return a line up to its comment; 1.#INF is no comment: some libraries write it for inf."""
     return _COMMENT.split(line, 1)[0] if b"#" in line else line
 
 
 def shown(word: bytes) -> str:
-    """A word of a file as messages print it."""
+    """Return a word of a file in the form that messages print."""
     return repr(word[:40].decode("ascii", "backslashreplace"))
 
 
 def nowhere(_: int) -> str:
-    """The place of something that needs none."""
+    """Return an empty place, for words whose place need not be named."""
     return ""
 
 
 def reals(words: Sequence[bytes], where: Where = nowhere) -> Reals:
-    """The numbers that words are; `where` names the place of a word that is none."""
+    """Parse words as numbers; `where` names the place of a word that is none."""
     return _parsed(words, float, np.float64, where)
 
 
 def wholes(words: Sequence[bytes], where: Where = nowhere) -> Ints:
-    """The whole numbers that words are; `where` names the place of a word that is none."""
+    """Parse words as whole numbers; `where` names the place of a word that is none."""
     return _parsed(words, int, np.int64, where)
 
 
@@ -62,12 +62,12 @@ def _parsed(words: Sequence[bytes], kind: Callable, dtype: type, where: Where) -
 
 
 class Rows:
-    """The words of rows, one row after the other.
+    """The words of rows, concatenated.
 
     One list of all words takes a third of the time of a list for each row.
 
     Args:
-        words: of all rows.
+        words: the words of all rows.
         sizes: how many words each row has.
         where: names the place of a row.
     """
@@ -79,21 +79,24 @@ class Rows:
         self.where = where
 
     def place(self, word: int) -> str:
-        """Names the place of a word."""
+        """Return the place of a word: that of its row."""
         return self.where(int(np.searchsorted(self.starts, word, side="right")) - 1)
 
     def cut(self, begin: int, end: int) -> Rows:
-        """Some of the rows."""
+        """Return the rows from `begin` to before `end`."""
         starts = [*self.starts[begin : end + 1].tolist(), len(self.words)]
         words = self.words[starts[0] : starts[max(end - begin, 0)]]
         return Rows(words, self.sizes[begin:end], lambda i: self.where(begin + i))
 
     def reals(self) -> Reals:
-        """The numbers that all words are."""
+        """Parse all words as numbers."""
         return reals(self.words, self.place)
 
     def coordinates(self) -> Reals:
-        """The first three numbers of each row (n, 3); all are read: a damaged colour is damage."""
+        """Return the first three numbers of each row (n, 3).
+
+        All words are parsed, so a damaged colour is an error too.
+        """
         values = self.reals()
         short = first(self.sizes < 3)
         if short is not None:
@@ -102,7 +105,10 @@ class Rows:
 
 
 def lines(data: bytes, *, comments: bool) -> tuple[Rows, list[int]]:
-    """The lines that hold words (more than a comment, where there are any), and their numbers."""
+    """Return the lines that hold words, and their line numbers.
+
+    If `comments`, comments are removed first; a line with only a comment holds no words.
+    """
     words: list[bytes] = []
     sizes: list[int] = []
     numbers: list[int] = []

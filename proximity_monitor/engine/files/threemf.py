@@ -1,4 +1,4 @@
-"""3MF: the objects that the build lists, with the unit of length that the file states."""
+"""Reader for 3MF: the objects that the build lists, with the file's unit of length."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _UNITS = {
     "meter": 1.0,
 }  # fmt: skip
 _KNOWN = ("/material/", "/production/")
-"""Parts of the names of extensions that leave the geometry alone, or are read."""
+"""Substrings of the names of extensions that do not change the geometry, or that are read."""
 
 
 def read_3mf(data: bytes, _: Path) -> Triangles:
@@ -40,7 +40,7 @@ class _Package:
         self._unit: str | None = None
 
     def triangles(self) -> Triangles:
-        """All objects of the build, in its frame."""
+        """Return the triangles of all objects of the build, in the build's frame."""
         relations = parsed(self._read("_rels/.rels"))
         targets = [
             need(each, "Target")
@@ -61,7 +61,7 @@ class _Package:
         return self._archive.read(self._names[key])
 
     def _model(self, path: str) -> Element:
-        """The root of a model file, whose objects are kept."""
+        """Return the root of a model file, and keep its objects by their id."""
         text = self._read(path)
         model = parsed(text)
         if model.tag != "model":
@@ -83,7 +83,7 @@ class _Package:
         return model
 
     def _place(self, path: str, link: Element, above: Reals, within: tuple[str, ...]) -> None:
-        """Add the object that an item or a component names."""
+        """Add the object that a build item or a component names."""
         matrix = above @ _matrix(link)
         # Components may lie in another file of the archive.
         path = next((link.attrib[key] for key in link.attrib if key.endswith("}path")), path)
@@ -111,7 +111,7 @@ class _Package:
 
 
 def _mesh(mesh: Element, name: str) -> Part:
-    """Vertices and faces of an object."""
+    """Return the vertices and faces of an object's mesh."""
     if mesh.find("beamlattice") is not None:
         raise FormatError(f"{name} has a beam lattice, which is not read")
     points = mesh.findall("vertices/vertex")
@@ -126,7 +126,7 @@ def _mesh(mesh: Element, name: str) -> Part:
 
 
 def _matrix(link: Element) -> Reals:
-    """The motion of an item or a component: rows of the file are columns here."""
+    """Return the transform (4, 4) of an item or component; the file's rows are its columns."""
     matrix = np.eye(4)
     text = link.get("transform")
     if text is not None:

@@ -1,4 +1,4 @@
-"""What every reader returns, and how fans, strips and placed parts become triangles."""
+"""The common result of the triangle readers, and helpers for fans, strips and placed parts."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Part = tuple[Reals, Ints]
 
 
 class FormatError(ValueError):
-    """A file is incomplete, inconsistent or not supported; the message says where."""
+    """A file is incomplete, inconsistent or not supported. The message says where."""
 
 
 class Triangles(NamedTuple):
@@ -26,26 +26,26 @@ class Triangles(NamedTuple):
     faces: Ints
     """(m, 3) indices of vertices."""
     unit: float | None = None
-    """Metres in the unit of length that the file states; None if it states none."""
+    """Metres per unit of length that the file states; None if it states none."""
 
 
 Where = Callable[[int], str]
-"""Names the place of an item for a message, as in "line 7: "."""
+"""Returns the place of item i for a message, such as "line 7: "."""
 
 
 def first(bad: NDArray[np.bool_]) -> int | None:
-    """Index of the first that is true."""
+    """Return the index of the first true entry; None if there is none."""
     return int(np.argmax(bad)) if bad.any() else None
 
 
 def spans(starts: Ints, lengths: Ints) -> Ints:
-    """The indices start, start + 1, ... of each span, one span after the other."""
+    """Return the indices start, start + 1, ... of each span, concatenated."""
     skipped = starts - (np.cumsum(lengths) - lengths)
     return np.repeat(skipped, lengths) + np.arange(int(lengths.sum()))
 
 
 def check_finite(vertices: Reals) -> None:
-    """Refuse vertices (n, 3) that are not finite, by the number that they have in the file."""
+    """Refuse vertices (n, 3) that are not finite; the error gives the first one's index."""
     bad = ~np.isfinite(vertices).all(axis=1)
     which = first(bad)
     if which is not None:
@@ -56,7 +56,7 @@ def check_finite(vertices: Reals) -> None:
 
 
 def check_corners(corners: Ints, sizes: Ints, count: int, where: Where) -> None:
-    """Refuse faces of fewer than three corners, and corners that are none of `count` vertices."""
+    """Refuse faces with fewer than three corners, and corners outside the `count` vertices."""
     bad = first(sizes < 3)
     if bad is not None:
         raise FormatError(f"{where(bad)}a face with {sizes[bad]} corners")
@@ -72,7 +72,9 @@ def check_corners(corners: Ints, sizes: Ints, count: int, where: Where) -> None:
 
 
 def fans(corners: Ints, sizes: Ints, count: int, where: Where) -> Ints:
-    """Fans as triangles (m, 3), from their first corner; `cut_polygons` takes concave ones too.
+    """Cut polygons into fans from their first corner, as triangles (m, 3).
+
+    Concave polygons need `cut_polygons`.
 
     Args:
         corners: (k,) indices of vertices, one polygon after the other.
@@ -89,10 +91,10 @@ def fans(corners: Ints, sizes: Ints, count: int, where: Where) -> Ints:
 
 
 def strips(corners: Ints, sizes: Ints, count: int, where: Where) -> Ints:
-    """Strips as triangles (m, 3), every other one turned round.
+    """Cut strips into triangles (m, 3); every other triangle is reversed to keep one orientation.
 
-    Triangles that name a vertex twice are left out: they only lead from one strip to the next, and
-    the line between the two is no part of the surface.
+    Triangles that name a vertex twice are skipped: they only connect one strip to the next, and
+    the line between the two strips is no part of the surface.
     """
     check_corners(corners, sizes, count, where)
     at = spans(np.cumsum(sizes) - sizes, sizes - 2)
@@ -103,7 +105,7 @@ def strips(corners: Ints, sizes: Ints, count: int, where: Where) -> Ints:
 
 
 def no_triangles() -> Ints:
-    """Of points and curves."""
+    """Return an empty array of triangles (0, 3)."""
     return np.empty((0, 3), dtype=np.int64)
 
 
@@ -116,17 +118,17 @@ class Parts:
         self._count = 0
 
     def add(self, vertices: Reals, faces: Ints, matrix: Reals) -> None:
-        """Add a part, moved by a 4×4 matrix; a mirror image is turned outside out again."""
+        """Add a part, moved by a 4×4 matrix; if the matrix mirrors it, reverse its faces."""
         if not len(faces):
             return
         if matrix[3].tolist() != [0.0, 0.0, 0.0, 1.0]:
             raise FormatError(f"a matrix with the last row {matrix[3].tolist()}, not [0, 0, 0, 1]")
-        with np.errstate(all="ignore"):  # what is not finite is refused when all is read
+        with np.errstate(all="ignore"):  # vertices that are not finite are refused after reading
             self._vertices.append(vertices @ matrix[:3, :3].T + matrix[:3, 3])
             mirrored = np.linalg.det(matrix[:3, :3]) < 0.0
         self._faces.append((faces[:, ::-1] if mirrored else faces) + self._count)
         self._count += len(vertices)
 
     def joined(self, unit: float | None = None) -> Triangles:
-        """All parts as one."""
+        """Return all parts as one."""
         return Triangles(np.concatenate(self._vertices), np.concatenate(self._faces), unit)

@@ -1,4 +1,4 @@
-"""XML as the readers of COLLADA and 3MF take it."""
+"""XML helpers for the readers of COLLADA and 3MF."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Element = ElementTree.Element
 
 
 def parsed(data: bytes) -> Element:
-    """The root of a document, whose elements lose their namespaces."""
+    """Parse a document and return its root; the tags of all elements lose their namespaces."""
     try:
         root = ElementTree.fromstring(data)
     except ElementTree.ParseError as error:
@@ -25,7 +25,7 @@ def parsed(data: bytes) -> Element:
 
 
 def need(element: Element, key: str) -> str:
-    """An attribute that must be there."""
+    """Return a required attribute."""
     value = element.get(key)
     if value is None:
         raise FormatError(f"<{element.tag}> has no {key}")
@@ -33,17 +33,17 @@ def need(element: Element, key: str) -> str:
 
 
 def real_list(text: str | None, what: str, count: int | None = None) -> Reals:
-    """The numbers of a text; `count` is how many there must be."""
+    """Parse the numbers of a text; `count` is how many there must be."""
     return _counted(reals((text or "").encode().split(), lambda _: f"{what}: "), what, count)
 
 
 def whole_list(text: str | None, what: str, count: int | None = None) -> Ints:
-    """The whole numbers of a text; `count` is how many there must be."""
+    """Parse the whole numbers of a text; `count` is how many there must be."""
     return _counted(wholes((text or "").encode().split(), lambda _: f"{what}: "), what, count)
 
 
 def attributes(elements: Sequence[Element], keys: Sequence[str]) -> str:
-    """The values of some attributes of all elements, one element after the other."""
+    """Return the values of the given attributes of all elements, joined, element by element."""
     try:
         return " ".join([element.attrib[key] for element in elements for key in keys])
     except KeyError as error:

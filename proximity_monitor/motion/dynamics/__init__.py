@@ -1,4 +1,4 @@
-"""Rigid bodies with contacts from the engine's closest points."""
+"""Rigid-body dynamics with contacts from the engine's closest points."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ __all__ = ["ContactLaw", "Dynamics", "Forces", "RigidBody", "World", "from_setti
 
 
 _LONGEST_S = 0.1
-"""The longest time for computing where a scene gives no limit: its player publishes as often."""
+"""The default limit (seconds) of computing per pose: the player's period, but at most this long."""
 
 
 def from_settings(
@@ -32,13 +32,13 @@ def from_settings(
 ) -> Dynamics:
     """Return the effect that the section `motion.dynamics` of a scene describes.
 
-    Where bodies deform as well, by `motion.deform`, it moves the surfaces of those that touch. Its
-    time limits hold if it is `live`, and if the scene has none, computing may take as long as it
-    is between two poses; otherwise each pose belongs exactly to the requested time.
+    If the scene also has `motion.deform`, the effect deforms its bodies by it. If `live`, the time
+    limits of the scene hold; if the scene has none, computing may take as long as the time between
+    two poses. If not `live`, each pose belongs exactly to the requested time.
 
     Raises:
-        ValueError: a body that has to move encloses no volume, or two touch at the start; the
-            message names file and bodies.
+        ValueError: a body that moves encloses no volume, or two bodies touch at the start. The
+            message names the file and the bodies.
     """
     soft = None
     if "deform" in scene.motion:

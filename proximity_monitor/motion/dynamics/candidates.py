@@ -1,4 +1,4 @@
-"""Which pieces may be near each other, and which nearest points are contacts, compiled."""
+"""Compiled tests: which pieces may be near each other, and which nearest points are contacts."""
 
 from __future__ import annotations
 
@@ -9,21 +9,21 @@ import numpy as np
 from proximity_monitor.engine.compiling import entry, helper
 
 ROUNDING = 1e-14
-"""Share of the coordinates by which a bound is weakened: a hundred times what the dozen roundings
-of a sum of them can do."""
+"""Slack of a bound, as a share of the coordinates' sum: a hundred times what a dozen roundings of
+such a sum can change."""
 
 ON = 1e-6
-"""Barycentric weight below which a point lies on the edge opposite of that corner."""
+"""Barycentric weight of a corner up to which a point lies on the edge opposite that corner."""
 
 LEANING = 0.02
-"""Sine of the angle by which a surface may rise towards the other body beside a contact. Corners
-that all but face each other lean by so much and more over a small gap, and have to be held; a
-bump of that slope on a surface that is cut into triangles is not felt."""
+"""Sine of the angle by which a surface may rise towards the other body beside a contact. If the gap
+between two corners that almost face each other is small, their surfaces rise by such an angle, and
+the corners must stay a contact. On a surface of triangles, a bump of this slope is not felt."""
 
 
 @helper
 def _to_box(pose, x, y, z, box):
-    """Distance of a world point from a box that is given in the frame of a pose."""
+    """Return the distance of a world point from a box that is given in the frame of a pose."""
     x, y, z = x - pose[0, 3], y - pose[1, 3], z - pose[2, 3]
     total = 0.0
     for k in range(3):
@@ -35,11 +35,11 @@ def _to_box(pose, x, y, z, box):
 
 @entry
 def spheres_at(poses, owner, spheres):
-    """Centres in the world and radii of the pieces, which move with their owners (p,).
+    """Return the world spheres (p, 5) of the pieces, whose bodies are `owner` (p,).
 
-    The last column of the result (p, 5) is what rounding may do to a bound of that piece. It counts
-    the coordinates in either frame: those of a mesh that is drawn far from its origin are large,
-    however near to the world's origin it stands.
+    The columns are the centre, the radius and the slack of a bound of that piece. The slack counts
+    the coordinates in both frames: if a mesh is drawn far from its own origin, its coordinates are
+    large even if it is near the world's origin.
     """
     found = np.empty((len(owner), 5))
     for i in range(len(owner)):
@@ -57,9 +57,10 @@ def spheres_at(poses, owner, spheres):
 def near_pieces(poses, pairs, reach, lower, first, spheres, boxes, rows):
     """Write the pairs of pieces that may be within reach into `rows` (size, 3); return how many.
 
-    A row holds the number of the pair of bodies and the two pieces. Pairs of bodies whose `lower`
-    is beyond their reach are passed over; that of the others becomes the least bound of the pairs
-    of pieces that are not written. If the rows do not suffice, their number is still right.
+    A row holds the index of the pair of bodies and of the two pieces. Pairs of bodies whose `lower`
+    is beyond their reach are skipped. For all others, `lower` becomes the least lower bound of
+    their pairs of pieces that are not written. If there are too few rows, the returned number is
+    still right.
     """
     count = 0
     for i in range(len(pairs)):
@@ -89,7 +90,7 @@ def near_pieces(poses, pairs, reach, lower, first, spheres, boxes, rows):
 
 @helper
 def _holds(corners, weights, place):
-    """Whether a place is one of the corners that a point of a triangle depends on."""
+    """Return whether `place` is a corner with a weight above ON in a point of a triangle."""
     found = False
     for k in range(3):
         found |= corners[k] == place and weights[k] > ON
@@ -98,9 +99,9 @@ def _holds(corners, weights, place):
 
 @helper
 def _is_nearest_here(pose, corners, places, first, around, face, weights, point, n):
-    """Whether no triangle that meets a surface point comes nearer along n (world, outward).
+    """Return whether no triangle at a surface point rises along n (world, outward).
 
-    Nor does any of a model that was searched whole, which has no face here.
+    A model that was searched whole has no face here (-1); the answer is then True.
     """
     if face < 0:
         return True
@@ -111,8 +112,8 @@ def _is_nearest_here(pose, corners, places, first, around, face, weights, point,
     nx = pose[0, 0] * n[0] + pose[1, 0] * n[1] + pose[2, 0] * n[2]
     ny = pose[0, 1] * n[0] + pose[1, 1] * n[1] + pose[2, 1] * n[2]
     nz = pose[0, 2] * n[0] + pose[1, 2] * n[1] + pose[2, 2] * n[2]
-    # The point lies on a corner, on an edge or within: only the triangles around that matter, and
-    # of an edge those that have both of its ends.
+    # The point lies at a corner, on an edge or inside. Check the triangles around that corner, or
+    # those that have both ends of that edge.
     on = 0
     for k in range(3):
         if weights[k] > ON:
@@ -143,7 +144,7 @@ def _is_nearest_here(pose, corners, places, first, around, face, weights, point,
 
 @helper
 def _same(p, q, tolerance):
-    """Whether both points of two pairs are the same but for rounding."""
+    """Return whether two pairs of points are the same within a tolerance."""
     for side in range(2):
         for k in range(3):
             if abs(p[side, k] - q[side, k]) > tolerance:
@@ -153,16 +154,16 @@ def _same(p, q, tolerance):
 
 @entry
 def local_minima(poses, bodies, faces, weights, points, corners, places, first, around, kept):
-    """Mark in `kept` (k,) the points (k, 2, 3) where the distance of the surfaces is least.
+    """Mark in `kept` (k,) the points (k, 2, 3) that are local minima of the surfaces' distance.
 
-    Where two pieces of one body meet, both have a nearest point; one of them may lie on the
-    piece's border only because the piece ends there, and pushing along that pair's line would be a
-    bump on a smooth surface. A local minimum is one for both surfaces (Johnson 2005). Of several
-    pairs of pieces that meet in the same two points the first is marked.
+    If two pieces of one body meet, both have a nearest point. One of these may lie on its piece's
+    border only because the piece ends there. A force along its line would feel like a bump on a
+    smooth surface. A local minimum must be one for both surfaces (Johnson 2005). If several pairs
+    of pieces have the same two points, the first pair is marked.
 
-    `faces` (k, 2) and `weights` (k, 2, 3) say where the points lie, among the triangles of all
-    models one after the other, as `corners`, `places`, `first` and `around` hold them. A face of -1
-    is that of a model which was searched whole.
+    `faces` (k, 2) and `weights` (k, 2, 3) say where the points lie. The faces are among the
+    triangles of all models, concatenated, as `corners`, `places`, `first` and `around` hold them
+    (see `Pieces`). A face of -1 belongs to a model that was searched whole.
     """
     for i in range(len(bodies)):
         a, b = bodies[i, 0], bodies[i, 1]

@@ -1,7 +1,7 @@
 """Contacts from the engine's closest points: one for each pair of pieces that are near.
 
-Where a surface may be off by a deviation, its contacts are so far outside of it. Bodies that are a
-piece each have more: those that were nearest a little before (see `memory`).
+If a surface has a deviation, its contact points lie outside of it by the deviation. If two bodies
+are one piece each, they also keep contacts at earlier nearest points (see `memory`).
 """
 
 from __future__ import annotations
@@ -17,24 +17,25 @@ from proximity_monitor.motion.dynamics.memory import NONE, Contacts, Memory, See
 from proximity_monitor.motion.dynamics.pieces import Pieces, around, cut
 
 _SPACING = 0.2
-"""How far apart two contacts of bodies that are searched whole are, as a share of the smaller one's
-radius."""
+"""Least distance between two contacts of bodies that are searched whole, as a share of the smaller
+body's radius."""
 
 _WHOLE_ERROR = 0.01
-"""How exactly distances of bodies that are searched whole are asked for, as a share of the kept
-distance: nearest points that are a continuum, as of a ring that lies flat, take too long else."""
+"""Tolerance of the distances of bodies that are searched whole, as a share of the kept distance. If
+the nearest points form a continuum, as for a ring that lies flat, a tighter one takes too long."""
 
 
 class ContactFinder:
-    """Bodies that may touch, and lower bounds that tell which pairs need a search.
+    """Finds contacts of bodies; lower bounds tell which pairs need a search.
 
     Args:
-        models: one a body; a model that bodies share is cut once.
-        pairs: (k, 2) which bodies may touch.
+        models: one per body; a model that bodies share is cut once.
+        pairs: (k, 2) the bodies that may touch.
         slack: metres; how far a pair may move before its contacts are searched again.
-        every: each pair of pieces has a contact; else only those of least distance.
-        kept: metres; the distance that the law of contact keeps.
-        deforming: (n,) whether each body deforms; such a one shares its model with no other.
+        every: True: each near pair of pieces has a contact; False: only local minima of the
+            distance are contacts.
+        kept: metres; the distance that the contact law keeps.
+        deforming: (n,) whether each body deforms; a body that deforms must not share its model.
     """
 
     def __init__(
@@ -55,7 +56,7 @@ class ContactFinder:
         self._slack = slack
         self._every = every
         self.searches = 0
-        """How many pairs of pieces the engine was asked about."""
+        """The number of searches of pairs of pieces so far."""
         self._owner = np.repeat(np.arange(len(models)), sizes)
         self._first = np.concatenate(([0], np.cumsum(sizes)))
         self._spheres = np.concatenate([part.spheres for part in each])
@@ -87,7 +88,7 @@ class ContactFinder:
         self.restart()
 
     def _surfaces(self, cuts: Sequence[Pieces]) -> None:
-        """All triangles, and all places with the triangles around them, one model after another."""
+        """Concatenate the triangles and places of all models, with the triangles at each place."""
         triangles, places, entries = 0, 0, 0
         parts = []
         for part in cuts:
@@ -107,7 +108,7 @@ class ContactFinder:
         self._place_first, self._around = np.append(first, entries), around
 
     def restart(self) -> None:
-        """Forget everything that was found: the bodies may be anywhere."""
+        """Forget everything that was found, because the bodies may be anywhere."""
         count = len(self.pairs)
         self._seen = Seen(
             np.zeros(count), np.full(count, np.inf), np.zeros(count), NONE, NONE.points
@@ -116,7 +117,7 @@ class ContactFinder:
 
     @property
     def lower(self) -> NDArray[np.float64]:
-        """(k,) metres; certified lower bound of each pair's distance."""
+        """(k,) metres; a certified lower bound of each pair's distance."""
         return self._seen.lower
 
     def remember(self) -> Seen:
@@ -127,23 +128,23 @@ class ContactFinder:
     def recall(self, seen: Seen, met: NDArray[np.bool_]) -> None:
         """Go back to earlier knowledge, because the bodies go back as well.
 
-        Pairs that `met` (k,) there, came too near, keep the contacts that were found.
+        Pairs that came too near in the step that is undone (`met`, (k,)) keep their new contacts.
         """
         self._seen = self._memory.learn(seen, self._seen, met)
 
     def doubt(self, chosen: NDArray[np.bool_]) -> None:
-        """Search the chosen (k,) pairs again, even if they do not move."""
+        """Have the chosen (k,) pairs searched again, even if they do not move."""
         self._seen.moved[chosen] = np.inf
 
     def moved(self, distance: NDArray[np.float64]) -> None:
-        """Widen the bounds of the pairs by how far (k,) their bodies moved together, metres."""
+        """Widen the bounds of the pairs by how far (k,) their bodies approached at most, metres."""
         self._seen.lower[:] -= distance
         self._seen.moved[:] += distance
 
     def reshape(self, poses: NDArray[np.float64]) -> Contacts:
-        """Take note of new shapes; return the contacts, which are on the surfaces again.
+        """Update the contacts to the new shapes of deforming bodies, and return them.
 
-        Where a body that deforms touches another, its point becomes the one nearest to the other's.
+        The contact point of a deforming body becomes the point nearest to the other body's point.
         """
         contacts, local = self._seen.contacts, self._seen.local.copy()
         for row, model in self._soft:
@@ -173,15 +174,15 @@ class ContactFinder:
     ) -> Contacts:
         """Return the contacts of every pair whose distance may be within its reach.
 
-        A pair that moved by no more than `slack` since it was searched keeps its contacts, which go
-        with the bodies: resting bodies cost no search. It is searched again if its lower bound
-        would be below `closest`. Two bodies that are a piece each keep, beside their nearest
-        points, those that were the nearest before.
+        If a pair moved by no more than `slack` since its last search, it keeps its contacts, which
+        move with the bodies. So resting bodies cost no search. The pair is searched again if its
+        lower bound is below `closest`. Two bodies that are one piece each also keep contacts at
+        earlier nearest points.
 
         Args:
             poses: (n, 4, 4) model to world of every body, metres.
-            reach: (k,) metres.
-            closest: metres.
+            reach: (k,) metres, up to which contacts are needed.
+            closest: metres, below which a lower bound must be found again.
         """
         seen = self._seen
         close = seen.lower <= reach
@@ -202,7 +203,7 @@ class ContactFinder:
         moved, reached = seen.moved, seen.reach.copy()
         moved[anew] = 0.0
         reached[anew] = reach[anew]
-        # A pair out of reach has no contacts; it must be searched when it comes back.
+        # A pair out of reach has no contacts, so it must be searched when it comes back.
         moved[~close] = np.inf
         self._seen = Seen(seen.lower, moved, reached, contacts, local)
         return contacts
@@ -212,7 +213,7 @@ class ContactFinder:
     ) -> tuple[NDArray[np.float64], ...]:
         """Search the pairs whose lower bound is within reach; return their contacts' columns.
 
-        They are those of `Contacts`, and then the points (k, 2, 3) in the models' frames.
+        The columns are those of `Contacts`, and the points (k, 2, 3) in the models' frames.
         """
         spheres = candidates.spheres_at(poses, self._owner, self._spheres)
         lower = self.lower.copy()
@@ -230,7 +231,7 @@ class ContactFinder:
         found = self._assembly.distances(poses[self._owner], rows[:, 1:], abs_err=error)
         np.minimum.at(self.lower, rows[:, 0], found.lower)
         off = self._deviation[self.pairs[rows[:, 0]]]
-        nearest = found.upper - 2.0 * off.sum(axis=1)  # the upper bound has the deviations on top
+        nearest = found.upper - 2.0 * off.sum(axis=1)  # the upper bound includes the deviations
         within = np.flatnonzero((nearest <= reach[rows[:, 0]]) & (found.lower > 0.0))
         keys = rows[within]
         points = np.stack((found.points_a[within], found.points_b[within]), axis=1)
@@ -257,7 +258,7 @@ class ContactFinder:
 def _outward(
     points: NDArray[np.float64], facing: NDArray[np.float64], off: NDArray[np.float64] | float
 ) -> NDArray[np.float64]:
-    """Points (..., 3) moved by what surfaces may be off (...), and not beyond those they face."""
+    """Move points (..., 3) towards the points they face, by the deviation `off`, but no farther."""
     apart = facing - points
     gaps = np.sqrt((apart * apart).sum(axis=-1))
     share = np.divide(np.minimum(off, gaps), gaps, where=gaps > 0.0, out=np.zeros_like(gaps))
@@ -272,7 +273,7 @@ def _placed(
 ) -> tuple[Contacts, NDArray[np.float64]]:
     """Return the chosen contacts, with their points moved along with the bodies.
 
-    Their normals stay: a slide along a surface does not change the gap.
+    The normals stay, so that sliding along a surface does not change the gap.
     """
     bodies, local, normals = contacts.bodies[chosen], local[chosen], contacts.normals[chosen]
     points = np.einsum("ksij,ksj->ksi", poses[bodies, :3, :3], local) + poses[bodies, :3, 3]

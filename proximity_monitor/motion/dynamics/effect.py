@@ -21,10 +21,10 @@ class Dynamics(Motion):
     The simulation advances in steps of `substep_s`, and a pose belongs to the step nearest to the
     requested time. So the motion is the same, bit by bit, whichever times are requested.
 
-    With a limit (`max_substeps`, `budget_s`) it is for real time. If the limit ends a call early,
-    the simulated time falls behind by `lag_s` and stays behind: the motion is slower, but no
-    different. Up to the time that was given to `seek` there is no limit. Bodies wait where a clock
-    is set back: they begin again only at a time that is not after the one given to `seek`.
+    A limit (`max_substeps`, `budget_s`) is for real time. If it ends a call early, the simulated
+    time falls behind by `lag_s` and stays behind: the motion is slower, but otherwise the same. Up
+    to the time given to `seek` there is no limit. If the clock is set back in real time, the bodies
+    wait, unless the new time is not after the time given to `seek`: then they begin again.
     """
 
     def __init__(
@@ -42,19 +42,19 @@ class Dynamics(Motion):
         """Put the bodies at their start, and compile everything that they may need.
 
         Args:
-            bodies: those that move and the obstacles.
-            forces: all that acts on them.
+            bodies: the bodies that move, and the obstacles.
+            forces: all forces on the bodies.
             substep_s: seconds; the longest step of the simulation.
             max_substeps: the most steps in one call of `poses`; None: no limit.
-            budget_s: seconds of computing in one call of `poses`, which is overrun by one step at
-                most; None: no limit.
+            budget_s: seconds of computing in one call of `poses`, exceeded by at most one step;
+                None: no limit.
             period_s: seconds after which all begins again; None: never.
-            deform: gives bodies their shapes, at simulated times; None: no body deforms.
-            stopped: whether nobody waits for the motion any more. It is asked all the time; from
-                then on calls return early, and poses are no more those of the requested time.
+            deform: gives bodies their shapes at simulated times; None: no body deforms.
+            stopped: returns whether the motion is no longer needed. It is called before every step.
+                Once it returns True, calls return early, with poses of other times than requested.
 
         Raises:
-            ValueError: a body that has to move encloses no volume, or two touch at the start.
+            ValueError: a body that moves encloses no volume, or two bodies touch at the start.
         """
         self.world = World(bodies, forces, substep_s)
         self._deform = deform
@@ -83,17 +83,17 @@ class Dynamics(Motion):
 
     @property
     def period_s(self) -> float | None:
-        """Seconds of simulated time after which all begins again; None if it goes on."""
+        """Seconds of simulated time after which all begins again; None if it never does."""
         steps = self._steps_a_period
         return None if steps is None else steps * self.world.step_s
 
     @property
     def lag_s(self) -> float:
-        """Seconds by which the limits have made the simulation late."""
+        """Seconds by which the limits have delayed the simulation."""
         return self._lost * self.world.step_s
 
     def seek(self, t: float) -> None:
-        """Simulate up to t seconds without limits, now and whenever it begins again before that.
+        """Simulate up to t seconds without limits, now and after each restart of the motion.
 
         Raises:
             ValueError: t is not finite.
@@ -120,7 +120,7 @@ class Dynamics(Motion):
 
     @property
     def control_names(self) -> dict[str, str]:
-        """What the control points of each deforming body are called."""
+        """The name of the control points of each deforming body."""
         return {} if self._deform is None else self._deform.control_names
 
     def control_points(self, t: float) -> dict[str, np.ndarray]:
@@ -134,7 +134,7 @@ class Dynamics(Motion):
 
     @property
     def trouble(self) -> str:
-        """Which bodies touched first, though they should not; empty if none did."""
+        """A message about the first two bodies that touched, as none should; empty if none did."""
         if self.world.touched is None:
             return ""
         first, second = self.world.touched
@@ -170,7 +170,7 @@ class Dynamics(Motion):
         return max(0, round(t / self.world.step_s))
 
     def _advance(self, target: int) -> None:
-        """Simulate until `target` steps are done since the start, or a limit is reached."""
+        """Simulate until `target` steps since the start are done, or a limit is reached."""
         if self._passes(target) > self._passes(self._done):
             self._done = self._passes(target) * self._steps_a_period
             self.world.restart()
@@ -184,7 +184,10 @@ class Dynamics(Motion):
             self._step()
 
     def _passes(self, steps: int) -> int:
-        """How many periods are over before the last of these steps: a period has its end, too."""
+        """Return how many periods are over before the last of these steps.
+
+        A period includes its end.
+        """
         period = self._steps_a_period
         return 0 if period is None else max(steps - 1, 0) // period
 
@@ -194,7 +197,7 @@ class Dynamics(Motion):
 
 
 def _compile(forces: Forces, substep_s: float) -> None:
-    """Let a box fall on another: the first contact must not take the time to compile."""
+    """Let a box fall on another one, so that no kernel is compiled during the first contact."""
     size = 40.0 * forces.contacts.margin
     box = engine.shapes.box((size, size, size))
     above = np.eye(4)

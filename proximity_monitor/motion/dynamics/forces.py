@@ -11,34 +11,35 @@ from proximity_monitor.motion.dynamics.settings import Forces
 from proximity_monitor.motion.dynamics.state import RigidBodyState
 
 _SWEEPS = 40
-"""Most sweeps over all contacts. A resting pile of a dozen bodies, which starts from the last
-step's impulses, needs fewer. If they do not suffice, the step is undone and halved."""
+"""Most sweeps over all contacts. A resting pile of a dozen bodies starts from the last step's
+impulses and needs fewer. If they do not suffice, the step is undone and halved."""
 
 _TOUCHING = 1.25
-"""Surfaces nearer than this many kept distances touch, so a collision is passed on. The room is for
-the gap that linear motion in a step leaves between surfaces."""
+"""Surfaces nearer than this many kept distances count as touching, and pass on a collision. The
+excess over 1 allows for the gap that linear motion in a step leaves between surfaces."""
 
 _SUNK, _RAISED = 0.5, 0.2
-"""Surfaces nearer than this share of the kept distance are moved apart up to it, each step by this
-share of the rest, so that it cannot be seen."""
+"""Surfaces nearer than _SUNK of the kept distance are moved apart up to it. Each step moves them by
+_RAISED of the rest, so that the motion is not visible."""
 
 _DEEP = 0.25
-"""The same of bodies that have no motion to pay for it: so deep they are raised all the same, by at
-most this share of the kept distance, or else they could not move at all."""
+"""Replaces _SUNK for bodies without enough kinetic energy to pay for the move. Surfaces nearer than
+this are moved apart even so, because otherwise the bodies could not move at all."""
 
 _CLOSEST = 0.125
-"""The share of the kept distance that no step may fall below; else it is undone."""
+"""If surfaces come nearer than this share of the kept distance, the step is undone."""
 
 _SLACK = 0.05
 """The share of the kept distance by which two bodies may move before their contacts are searched
-again: little compared with that distance, and much compared with the motion of resting bodies."""
+again. It is small compared with that distance, and large compared with the motion of resting
+bodies."""
 
 _SPRING_STOP = 0.25
-"""Where a penalty's springs begin at the margin, this share of it is the kept distance."""
+"""Under a penalty, springs begin at the margin; the kept distance is this share of the margin."""
 
 
 class ContactForces:
-    """The law of contact of a world, and what it remembers from step to step."""
+    """The contact law of a world, and its memory from step to step."""
 
     def __init__(
         self,
@@ -51,18 +52,18 @@ class ContactForces:
         self._margin = law.margin
         self._stiffness = law.stiffness if law.method == "penalty" else 0.0
         self.kept = law.margin * (_SPRING_STOP if law.method == "penalty" else 1.0)
-        """Metres: impulses keep surfaces so far apart, to the accuracy of a linear step."""
+        """Metres: the distance that impulses keep, to the accuracy of a linear step."""
         self.closest = _CLOSEST * self.kept
-        """Metres: in no state are surfaces nearer than this."""
+        """Metres: a step that brings surfaces nearer than this is undone."""
         self.every = law.method == "penalty"
-        """Whether all pairs of pieces have contacts: a spring each makes a smooth potential."""
+        """Whether all pairs of pieces have contacts: one spring each makes a smooth potential."""
         self.slack = 0.0 if self.every else _SLACK * self.kept
-        """Metres: resting contacts are searched anew only after so much motion."""
+        """Metres: resting contacts are searched again only after this much motion."""
         self.reach = 2.0 * law.margin
         """Metres: contacts are found up to this distance, plus what bodies may travel in a step."""
         self._friction = forces.friction or 0.0
         self._restitution = forces.restitution or 0.0
-        # The speed that gravity alone gives a resting body within two steps is no collision.
+        # A speed that gravity alone gives a resting body in two steps is no collision.
         self._slow = 2.0 * step_s * float(np.linalg.norm(gravity, axis=1).max(initial=0.0))
         self._step_s = step_s
         self._inverse_mass = inverse_mass
@@ -74,7 +75,7 @@ class ContactForces:
         """Forget the last step."""
         self._guess = np.empty(0, np.int64), np.empty(0), np.empty((0, 3))
         self.active = np.empty(0, np.bool_)
-        """(k,) which contacts of the step had an impulse."""
+        """(k,) whether each contact of the step had an impulse."""
 
     def start(
         self,
@@ -84,14 +85,14 @@ class ContactForces:
         inverse_inertia: NDArray[np.float64],
         gently: bool,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Bring velocities from the start of a step of h seconds to its middle.
+        """Advance velocities from the start of a step of h seconds to its middle.
 
-        Surfaces that are too near are moved apart a little, and the impulses of the last step are a
-        first guess; where `gently`, there is no guess, and only the nearest are moved apart.
+        Surfaces that are too near are moved apart a little. The impulses of the last step are the
+        first guess. If `gently`, there is no guess, and only the nearest surfaces are moved apart.
 
         Returns:
-            Velocities (n, 3) and angular momenta (n, 3) with which bodies are to be moved: those of
-            the state, but for surfaces that have to be moved apart.
+            Velocities (n, 3) and angular momenta (n, 3) with which to move the bodies. They are
+            those of the state, unless surfaces have to be moved apart.
         """
         arms = contacts.points - state.centre[contacts.bodies]
         geometry = contacts.bodies, arms, contacts.normals
@@ -111,7 +112,7 @@ class ContactForces:
         moving = state.copy() if sunk.any() else state
         self._prevent(state, geometry, response, targets, self._friction, pressed, rubbed)
         if moving is not state:
-            # More of the normal impulses, in the positions alone, and no more friction for it.
+            # These further normal impulses only move positions, and add no friction.
             targets = np.where(sunk, _RAISED * (least - gaps) / self._step_s, targets)
             self._prevent(moving, geometry, response, targets, 0.0, pressed.copy(), rubbed.copy())
         self.active |= pressed > 0.0
@@ -125,10 +126,10 @@ class ContactForces:
         contacts: Contacts,
         inverse_inertia: NDArray[np.float64],
     ) -> None:
-        """Bring velocities from the middle of a step to its end, at the new contacts.
+        """Advance velocities from the middle of a step to its end, at the new contacts.
 
-        There the springs act for the second half of the step, and what touches approaches no more;
-        but for what comes fast enough to bounce, which it does as the next step starts.
+        The springs act for the second half of the step, and touching surfaces stop approaching.
+        Surfaces fast enough to bounce keep approaching; they bounce at the start of the next step.
         """
         arms = contacts.points - state.centre[contacts.bodies]
         geometry = contacts.bodies, arms, contacts.normals
@@ -151,7 +152,7 @@ class ContactForces:
         return 0.5 * self._stiffness * np.maximum(self._margin - contacts.gaps, 0.0) ** 2
 
     def _collide(self, h, state, contacts, geometry, response) -> None:
-        """Let fast bodies bounce, with all that they touch."""
+        """Let fast bodies bounce, together with all bodies that touch them."""
         v, w = state.velocity.copy(), _spins(state, response[1])
         speeds = solver.approach(v, w, *geometry)
         pull = self._gravity[contacts.bodies[:, 0]] - self._gravity[contacts.bodies[:, 1]]
@@ -170,14 +171,14 @@ class ContactForces:
         self._apply(state, geometry, pressed, rubbed)
 
     def _islands_of(self, chosen, joined, contacts: Contacts) -> NDArray[np.bool_]:
-        """(k,) which contacts lie on an island that one of the chosen lies on."""
+        """Return (k,) whether each contact is on the island of a chosen contact."""
         island = solver.islands(contacts.bodies, joined, self._inverse_mass)
         movable = self._inverse_mass[contacts.bodies[:, 0]] > 0.0
         of = island[np.where(movable, contacts.bodies[:, 0], contacts.bodies[:, 1])]
         return np.isin(of, of[chosen])
 
     def _spring(self, h, state, contacts, geometry, response) -> None:
-        """Apply half a step of the penalty's springs, and of friction under them."""
+        """Apply the penalty's springs, and friction under them, for half a step."""
         pressed = 0.5 * h * self._stiffness * np.maximum(self._margin - contacts.gaps, 0.0)
         if not pressed.any():
             return
@@ -190,7 +191,7 @@ class ContactForces:
             self._apply(state, geometry, np.zeros(len(contacts)), rubbed)
 
     def _prevent(self, state, geometry, response, targets, friction, pressed, rubbed) -> None:
-        """Let no contact approach faster than its target; writes pressed and rubbed."""
+        """Raise each contact's normal velocity to its target or more; write pressed and rubbed."""
         v, w = state.velocity.copy(), _spins(state, response[1])
         solver.prevent(v, w, *geometry, targets, friction, pressed, rubbed, *response, _SWEEPS)
         self.rubbings += friction > 0.0
@@ -202,7 +203,7 @@ class ContactForces:
         solver.apply(impulses, bodies, arms, state.velocity, state.momentum, self._inverse_mass)
 
     def _guessed(self, h: float, contacts: Contacts):
-        """The keys of contacts as numbers, and the last step's impulses of the same contacts."""
+        """Return contacts' keys as single numbers, and guesses (N s) from the last impulses."""
         key = (contacts.keys[:, 0] << 40) + (contacts.keys[:, 1] << 20) + contacts.keys[:, 2]
         pressed, rubbed = np.zeros(len(key)), np.zeros((len(key), 3))
         known, pressure, rubbing = self._guess
@@ -215,5 +216,5 @@ class ContactForces:
 
 
 def _spins(state: RigidBodyState, inverse_inertia: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Angular velocities (n, 3) of angular momenta."""
+    """Return the angular velocities (n, 3) of a state."""
     return np.einsum("nij,nj->ni", inverse_inertia, state.momentum)

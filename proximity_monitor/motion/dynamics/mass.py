@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from proximity_monitor.engine.models.model import DisplayMesh
 
 _ROUNDING = 32.0 * np.finfo(np.float64).eps
-"""A volume below this share of the sum over its tetrahedra may be rounding alone."""
+"""A volume below this share of the sum of its tetrahedra's volumes may be only rounding."""
 
 
 @dataclass(frozen=True)
 class MassProperties:
-    """Of a homogeneous solid, in the frame of its mesh.
+    """Mass properties of a homogeneous solid, in the frame of its mesh.
 
     Attributes:
         mass: kilograms.
@@ -32,16 +32,16 @@ class MassProperties:
 
 
 def mass_properties(mesh: DisplayMesh, density: float, closed: bool = False) -> MassProperties:
-    """Return the mass properties of what triangles enclose; they may point out or in.
+    """Return the mass properties of the solid that triangles enclose; they may face out or in.
 
-    Each face and a point inside make a tetrahedron with a sign; the moments of those add up to
-    the solid's. A tetrahedron of corners 0, a, b, c has ``V = det(a, b, c) / 6``, and
+    Each face and a fixed point form a signed tetrahedron; the moments of the tetrahedra add up to
+    the solid's. A tetrahedron with corners 0, a, b, c has ``V = det(a, b, c) / 6`` and
     ``∫ x xᵀ dV = V / 20 (a aᵀ + b bᵀ + c cᵀ + s sᵀ)`` with ``s = a + b + c``.
 
     Args:
         mesh: the triangles.
         density: kilograms per cubic metre.
-        closed: the mesh is known to close up, to rounding.
+        closed: whether the mesh is known to be closed, to rounding.
 
     Raises:
         ValueError: the mesh encloses no volume.
@@ -73,7 +73,11 @@ def mass_properties(mesh: DisplayMesh, density: float, closed: bool = False) -> 
 
 
 def _check_closed(faces: NDArray[np.int64]) -> None:
-    """Check that each edge is passed as often one way as the other."""
+    """Check that the faces pass each edge equally often in both directions.
+
+    Raises:
+        ValueError: they do not.
+    """
     edges = np.concatenate((faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]))
     edges = edges[edges[:, 0] != edges[:, 1]]
     size = faces.max() + 1

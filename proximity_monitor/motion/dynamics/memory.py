@@ -1,8 +1,8 @@
-"""Contacts, and those that bodies had before: how two curved bodies have more than one.
+"""Contacts, and the memory of earlier ones, which gives two curved bodies more than one contact.
 
-Between two bodies that are searched whole the engine finds one pair of nearest points. A ring that
-lies on a plate needs three at least. It gets them as it rocks: where the nearest points jump to
-another place, the pair before stays a contact as long as it is one. Physics engines do so for
+The engine finds one pair of nearest points between two bodies that are searched whole. A ring that
+lies on a plate needs at least three. It gets them as it rocks: when the nearest points jump to
+another place, the previous pair stays a contact as long as it is one. Physics engines do this for
 convex bodies (Coumans, Bullet, 2005: persistent manifolds).
 """
 
@@ -17,15 +17,15 @@ _SERIALS = 1 << 20
 
 
 class Contacts(NamedTuple):
-    """Places where two surfaces are near, one a row; metres, world.
+    """Places where two surfaces are near, one per row; metres, world.
 
     Attributes:
         bodies: (k, 2) indices of the two bodies.
-        points: (k, 2, 3) the witness points on either.
+        points: (k, 2, 3) the witness points on the two bodies.
         normals: (k, 3) unit vectors from the second point to the first.
-        gaps: (k,) the distances of the points.
-        keys: (k, 3) which pair of bodies and which two pieces; rows are sorted by them. Of bodies
-            that are searched whole the last is a number that the contact keeps.
+        gaps: (k,) the distances of the points along the normals.
+        keys: (k, 3) indices of the pair of bodies and of the two pieces; rows are sorted by them.
+            If both bodies are searched whole, the last is a serial number that the contact keeps.
     """
 
     bodies: NDArray[np.int64]
@@ -35,16 +35,16 @@ class Contacts(NamedTuple):
     keys: NDArray[np.int64]
 
     def __len__(self) -> int:
-        """How many contacts there are."""
+        """Return the number of contacts."""
         return len(self.gaps)
 
 
 class Seen(NamedTuple):
-    """The knowledge about pairs: a row a pair, except for the contacts and their local points."""
+    """The knowledge about pairs: one row per pair, except for contacts and their local points."""
 
-    lower: NDArray[np.float64]
-    moved: NDArray[np.float64]  # metres since the search; infinity where there was none
-    reach: NDArray[np.float64]  # metres: of that search
+    lower: NDArray[np.float64]  # metres: certified lower bound of the distance
+    moved: NDArray[np.float64]  # metres since the last search; infinity: there was none
+    reach: NDArray[np.float64]  # metres: the reach of that search
     contacts: Contacts
     local: NDArray[np.float64]  # (k, 2, 3) the contacts' points, model frames
 
@@ -59,11 +59,11 @@ NONE = Contacts(
 
 
 class Memory:
-    """Which earlier contacts of pairs that are searched whole are still contacts.
+    """Decides which earlier contacts of pairs that are searched whole are still contacts.
 
     Args:
-        whole: (p,) which pairs of bodies are.
-        spacing: (p,) metres; so far apart are two contacts of a pair.
+        whole: (p,) whether each pair of bodies is searched whole.
+        spacing: (p,) metres; the least distance of two contacts of a pair.
         aside: metres; how far the points of a contact may slide apart.
     """
 
@@ -74,19 +74,19 @@ class Memory:
         self.restart()
 
     def restart(self) -> None:
-        """Number contacts from the first again."""
+        """Number contacts from 0 again."""
         self._next = 0
 
     def learn(self, seen: Seen, failed: Seen, met: NDArray[np.bool_]) -> Seen:
-        """Return what was seen before a step that failed, with the contacts that it lacked.
+        """Return the knowledge before a step that failed, with the contacts that it lacked.
 
-        A pair may meet beside its nearest points. Where a step began that cannot be seen, and the
-        same would fail again.
+        A pair may meet at other points than its nearest ones. The start of the step does not show
+        these points, and without them the step would fail again.
 
         Args:
-            seen: the knowledge where the step began.
-            failed: that where it ended.
-            met: (p,) which pairs came too near there.
+            seen: the knowledge at the start of the step.
+            failed: the knowledge at its end.
+            met: (p,) whether each pair came too near at its end.
         """
         keys = failed.contacts.keys
         known = seen.contacts.keys[self._whole[seen.contacts.keys[:, 0]], 2]
@@ -104,14 +104,14 @@ class Memory:
         older: tuple[Contacts, NDArray[np.float64]],
         reach: NDArray[np.float64],
     ) -> tuple[NDArray, ...]:
-        """Return the columns of the older contacts that stay, and number those that were found.
+        """Return the columns of the older contacts that stay, and number the contacts found.
 
-        One stays that is within reach, did not slide apart, and is not at the place of the new
-        one, which else takes its number.
+        An older contact stays if it is within reach, its points did not slide apart, and it is not
+        near the new contact of its pair. If it is near, the new contact takes its number.
 
         Args:
             found: the columns of new contacts and their local points; their keys are written.
-            older: those that the same pairs had, at the bodies' poses.
+            older: the earlier contacts of the same pairs, at the bodies' present poses.
             reach: (p,) metres.
         """
         _, points, _, gaps, keys, _ = found
@@ -130,7 +130,7 @@ class Memory:
             stays[k] = not near
             if near and keys[i, 2] < 0:
                 keys[i, 2] = before.keys[k, 2]
-            # Nowhere are the surfaces nearer than where they are nearest.
+            # The new contact is the nearest place, so no gap is smaller than its gap.
             before.gaps[k] = max(before.gaps[k], gaps[i])
         for i in nearest.values():
             if keys[i, 2] < 0:

@@ -1,8 +1,8 @@
-"""A model's triangles cut into pieces: each pair of them gives two bodies one contact point.
+"""A model's triangles cut into pieces: each pair of pieces gives two bodies one contact.
 
-Only a mesh that no ball sweeps and that does not deform is its own triangles. Any other model is a
-single piece: itself. Its distances are its own, not those of triangles that look like it; see
-`memory` for its contact points.
+Only a model of triangles that no ball sweeps and that does not deform is cut. Any other model is
+searched whole: it is its own single piece. So its distances are those of its true surface, not of
+triangles that approximate it. See `memory` for its contacts.
 """
 
 from __future__ import annotations
@@ -15,26 +15,26 @@ from numpy.typing import NDArray
 from proximity_monitor import engine
 
 MOST = 16
-"""How many pieces a model has at most. Bodies that touch at several places do so with several pairs
-of pieces. More pieces separate places that are closer together, and cost as many more tests of
+"""The most pieces of a model. Bodies that touch at several places do so with several pairs of
+pieces. More pieces separate places that are closer together, but cost proportionally more tests of
 bounding volumes."""
 
 
 @dataclass(frozen=True, eq=False)
 class Pieces:
-    """The pieces of one model, and which triangles meet at a vertex.
+    """The pieces of one model, and the triangles that meet at each vertex.
 
-    A model that is a piece itself has no triangles here.
+    A model that is searched whole has no triangles here.
 
     Attributes:
-        models: the pieces, each with the vertices that it uses alone.
-        triangles: the faces of the whole that each piece consists of; of the model itself -1.
+        models: the pieces, each with only the vertices that it uses.
+        triangles: the faces of the model that each piece has; -1 for a model searched whole.
         spheres: (p, 4) metres, model frame; centre and radius of a sphere around each piece.
-        boxes: (p, 6) metres, model frame; least and greatest corner of each piece and what it may
-            deviate by.
-        corners: (m, 3, 3) metres, model frame; the corners of the whole's triangles.
-        places: (m, 3) number of each corner, equal where the coordinates are.
-        first: (n + 1,) where the triangles of a place begin in `around`.
+        boxes: (p, 6) metres, model frame; least and greatest corner of a box around each piece,
+            its deviation included.
+        corners: (m, 3, 3) metres, model frame; the corners of the model's triangles.
+        places: (m, 3) the place of each corner: a number, equal for equal coordinates.
+        first: (n + 1,) where the triangles of each place begin in `around`.
         around: the triangles that meet at each place.
     """
 
@@ -51,7 +51,7 @@ class Pieces:
 def cut(model: engine.Model, deforming: bool = False) -> Pieces:
     """Cut the triangles of a model into at most MOST pieces of about equal size, or leave it whole.
 
-    It stays whole where it is `deforming`, or its surface is not that of triangles.
+    It stays whole if it is `deforming`, or if its surface does not consist of triangles.
     """
     if deforming or model.display_mesh(model.radius).off > 0.0:
         return _whole(model)
@@ -85,7 +85,7 @@ def cut(model: engine.Model, deforming: bool = False) -> Pieces:
 
 
 def _whole(model: engine.Model) -> Pieces:
-    """The model as its only piece."""
+    """Return the model as its only piece."""
     none = np.empty((0, 3), np.int64)
     spheres, boxes = around(model)
     corners = np.empty((0, 3, 3))
@@ -94,7 +94,7 @@ def _whole(model: engine.Model) -> Pieces:
 
 
 def around(model: engine.Model) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The sphere (1, 4) around a model and the box (1, 6) around that."""
+    """Return the sphere (1, 4) around a model, and the box (1, 6) around the sphere."""
     low, high = model.centre - model.radius, model.centre + model.radius
     return np.array([[*model.centre, model.radius]]), np.array([[*low, *high]])
 

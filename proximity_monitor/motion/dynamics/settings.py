@@ -14,20 +14,20 @@ from proximity_monitor import engine
 
 @dataclass(frozen=True, eq=False)
 class RigidBody:
-    """One body and its start.
+    """One body and its initial state.
 
     Attributes:
-        name: its name in messages.
-        model: its shape; it encloses a volume unless the body is an obstacle. A mesh of flat faces
-            is cut into pieces; one that is curved, swept by a ball or deforms is asked whole.
+        name: the body's name in messages.
+        model: its shape, which encloses a volume unless the body is an obstacle. A model of flat
+            faces is cut into pieces; a curved, swept or deforming model is searched whole.
         pose: (4, 4) model to world at the start, metres.
         density: kilograms per cubic metre; None for an obstacle, which never moves.
         velocity: (3,) metres per second, of the centre of mass.
         spin: (3,) radians per second, about the world's axes.
-        shape: of a body that deforms: its model's control points (n, 3) at a time in seconds. The
-            model is changed, so it is no other body's; its mass and inertia stay. The surface must
-            change slowly: in a step by less than a twentieth of the distance that contacts keep.
-            Where bodies touch all the same they are stuck, which `Dynamics.trouble` tells.
+        shape: for a body that deforms: returns its model's control points (n, 3) at a time in
+            seconds. The model is changed, so no other body may share it; its mass and inertia stay.
+            The surface must change slowly: in a step, by less than a twentieth of the distance that
+            contacts keep. Bodies that touch nevertheless are stuck; see `Dynamics.trouble`.
     """
 
     name: str
@@ -44,10 +44,10 @@ class ContactLaw:
     """The law that keeps bodies apart.
 
     Attributes:
-        method: by impulses, which stop what would come nearer than the margin; or by a penalty,
-            a spring that begins at the margin, with impulses at a quarter of it as a last stop.
-        margin: metres; the distance that is kept. Surfaces of rigid bodies never touch.
-        stiffness: newtons per metre, of the penalty's spring between two pieces.
+        method: "impulse": impulses stop surfaces that would come nearer than the margin. "penalty":
+            a spring begins at the margin, and impulses at a quarter of it are the last stop.
+        margin: metres; the distance to keep. Surfaces of rigid bodies never touch.
+        stiffness: newtons per metre; of the penalty's spring between two pieces.
     """
 
     method: Literal["impulse", "penalty"]
@@ -57,15 +57,15 @@ class ContactLaw:
 
 @dataclass(frozen=True, eq=False)
 class Forces:
-    """The forces on the bodies; those that are None are not computed.
+    """The forces on the bodies; a force that is None is not computed.
 
     Attributes:
         gravity: (3,) metres per second squared.
-        contacts: None lets bodies pass through each other.
-        friction: Coulomb's coefficient, of all contacts.
-        restitution: share of the approach speed at which bodies part, 0 to 1.
-        linear_damping: per second; v decays by exp(-d t).
-        angular_damping: per second; so does the angular momentum.
+        contacts: the contact law; None: bodies pass through each other.
+        friction: Coulomb's coefficient, for all contacts.
+        restitution: speed at which bodies part, as a share of the approach speed, 0 to 1.
+        linear_damping: d per second; the velocity decays by exp(-d t).
+        angular_damping: d per second; the angular momentum decays by exp(-d t).
     """
 
     gravity: NDArray[np.float64] | None = None

@@ -1,11 +1,12 @@
 """The arithmetic of one step, compiled: rotation, impulses, friction, islands.
 
-Bodies are rows of arrays: `v` and `w` (n, 3) are velocity and angular velocity of the centre of
-mass, `inverse_mass` (n,) and `inverse_inertia` (n, 3, 3, world) are zero for what cannot move.
-Contacts are rows too: `bodies` (k, 2), `arms` (k, 2, 3) from either centre of mass to its witness
-point, `normals` (k, 3) from the second body to the first. All are in SI units and the world frame.
+Bodies are rows of arrays: `v` (n, 3) is the velocity of the centre of mass, `w` (n, 3) the angular
+velocity; `inverse_mass` (n,) and `inverse_inertia` (n, 3, 3, world) are zero for bodies that cannot
+move. Contacts are rows too: `bodies` (k, 2), `arms` (k, 2, 3) from each centre of mass to its
+witness point, `normals` (k, 3) from the second body to the first. All are in SI units and the world
+frame. `pressed` (k,) are normal impulses, `rubbed` (k, 3) friction impulses.
 
-Numba compiles these anew when this file changes, so all other helpers stand here.
+Numba notices only changes of this file, so helpers that `engine.compiling` lacks must be in it.
 """
 
 from __future__ import annotations
@@ -17,18 +18,18 @@ import numpy as np
 from proximity_monitor.engine.compiling import cross, dot, entry, helper
 
 ENOUGH = 1e-6
-"""Metres per second: sweeps end when no contact changes its velocity by more; nobody sees a
-micrometre in a second."""
+"""Metres per second: sweeps end when no contact changes its velocity by more. A micrometre per
+second is not visible."""
 
 _LEAST_TURN = 1e-15
 """Radians: the iteration for the midpoint ends here, below the last digit of an orientation."""
 
 _PART = 0.1
-"""Radians: a body that turns farther in a step does so in several parts, each about an axis of its
-own. So the iteration converges, fast."""
+"""Radians: if a body turns farther in a step, the turn is split into parts with their own axes, so
+that the iteration converges fast."""
 
 _MOST_PARTS = 100_000
-"""Of a turn: more would take longer than anybody waits for a step."""
+"""The most parts of a turn. More would take too long for one step."""
 
 
 @helper
@@ -56,7 +57,7 @@ def _row(a, i):
 
 @entry
 def orient(turn, inverse_inertia_body, rotation, inverse_inertia):
-    """Write rotation matrices and inverse inertias in the world of unit quaternions (n, 4) wxyz."""
+    """Write the rotation matrices and world inverse inertias for unit quaternions (n, 4) wxyz."""
     for i in range(len(turn)):
         a, b, c, d = turn[i]
         r = rotation[i]
@@ -76,7 +77,7 @@ def orient(turn, inverse_inertia_body, rotation, inverse_inertia):
             1 - 2 * (b * b + c * c),
         )
         for column in range(3):
-            # R I⁻¹ Rᵀ, a column at a time: R times (I⁻¹ times a row of R).
+            # R I⁻¹ Rᵀ, one column at a time: R times (I⁻¹ times a row of R).
             x = _times(r, _times(inverse_inertia_body[i], _row(r, column)))
             for k in range(3):
                 inverse_inertia[i, k, column] = x[k]
@@ -84,17 +85,17 @@ def orient(turn, inverse_inertia_body, rotation, inverse_inertia):
 
 @helper
 def _half_turn(start, spin, inverse_inertia, h):
-    """Vector part k Ω / 2 of a turn for h seconds, and the momentum (M₀ + M₁) / 2 in its middle.
+    """Return the vector part k Ω / 2 of a turn for h seconds, and its momentum (M₀ + M₁) / 2.
 
-    `start` is M₀, `spin` a first guess of Ω.
+    `start` is M₀, and `spin` a first guess of Ω. See `turn_freely`.
     """
     half = middle = start
-    # A contraction, as h times the spin is small; if it is not, fifty rounds are done.
+    # A contraction, because h times the spin is small; if it is not, stop after fifty rounds.
     for _ in range(50):
         size = math.sqrt(dot(spin, spin))
         k = math.tan(0.5 * h * size) / size if size > 0.0 else 0.0
         half = (k * spin[0], k * spin[1], k * spin[2])
-        # (M₀ + M₁) / 2 is M₀ turned back halfway: m + half × m = M₀, solved for m.
+        # m = (M₀ + M₁) / 2 is M₀ turned back halfway: solve m + half × m = M₀ for m.
         along, weight = dot(half, start), 1.0 + dot(half, half)
         side = cross(half, start)
         middle = (
@@ -112,14 +113,14 @@ def _half_turn(start, spin, inverse_inertia, h):
 
 @entry
 def turn_freely(turn, momentum, inverse_inertia_body, rotation, h):
-    """Turn each body for h seconds by its angular momentum (n, 3, world), which does not change.
+    """Turn each body for h seconds with its angular momentum (n, 3, world), which stays constant.
 
-    The implicit midpoint rule for Euler's equations, with Cayley's map for the orientation
-    (Austin, Krishnaprasad, Wang 1993): with M = Rᵀ L in the body's frame, Ω = I⁻¹ (M₀ + M₁) / 2 and
-    R₁ = R₀ cay(k Ω). Then M₁ - M₀ = k (M₀ + M₁) / 2 × Ω, which is R₁ M₁ = R₀ M₀; the rule keeps
-    quadratic invariants, so the energy M · I⁻¹ M / 2 is kept as well, whatever k is. Cayley's map
-    of k Ω is the rotation of the quaternion (1, k Ω / 2) made unit, by 2 atan(k |Ω| / 2). With
-    k = 2 tan(h |Ω| / 2) / |Ω| it is one by h |Ω|, so a turn about a principal axis is exact.
+    This is the implicit midpoint rule for Euler's equations, with Cayley's map for the orientation
+    (Austin, Krishnaprasad, Wang 1993). With M = Rᵀ L in the body's frame, Ω = I⁻¹ (M₀ + M₁) / 2 and
+    R₁ = R₀ cay(k Ω). Then M₁ - M₀ = k (M₀ + M₁) / 2 × Ω, which means R₁ M₁ = R₀ M₀. The rule keeps
+    quadratic invariants, so it also keeps the energy M · I⁻¹ M / 2, whatever k is. Cayley's map of
+    k Ω is the rotation of the normalised quaternion (1, k Ω / 2), by 2 atan(k |Ω| / 2). With
+    k = 2 tan(h |Ω| / 2) / |Ω|, it turns by h |Ω|. So a turn about a principal axis is exact.
     """
     for i in range(len(turn)):
         start = _times_transposed(rotation[i], momentum[i])
@@ -153,7 +154,7 @@ def turn_freely(turn, momentum, inverse_inertia_body, rotation, h):
 
 @helper
 def _relative(v, w, a, b, arm_a, arm_b):
-    """Velocity of the witness point on a, seen from the one on b."""
+    """Return the velocity of the witness point on a relative to that on b."""
     p, q = cross(w[a], arm_a), cross(w[b], arm_b)
     return (
         v[a, 0] + p[0] - v[b, 0] - q[0],
@@ -172,14 +173,14 @@ def _push_one(v, w, body, arm, impulse, sign, inverse_mass, inverse_inertia):
 
 @helper
 def _push(v, w, a, b, arms, impulse, inverse_mass, inverse_inertia):
-    """Give an impulse to a and its opposite to b."""
+    """Apply an impulse to a and its opposite to b."""
     _push_one(v, w, a, arms[0], impulse, 1.0, inverse_mass, inverse_inertia)
     _push_one(v, w, b, arms[1], impulse, -1.0, inverse_mass, inverse_inertia)
 
 
 @helper
 def _response(a, b, arms, d, inverse_mass, inverse_inertia):
-    """Change of the relative velocity at a contact that a unit impulse along d makes."""
+    """Return the change of the relative velocity at a contact by a unit impulse along d."""
     p = cross(_times(inverse_inertia[a], cross(arms[0], d)), arms[0])
     q = cross(_times(inverse_inertia[b], cross(arms[1], d)), arms[1])
     m = inverse_mass[a] + inverse_mass[b]
@@ -188,10 +189,10 @@ def _response(a, b, arms, d, inverse_mass, inverse_inertia):
 
 @helper
 def _masses(bodies, arms, normals, inverse_mass, inverse_inertia):
-    """Effective mass of each contact along its normal, and a least one across it (k, 2).
+    """Return (k, 2): each contact's effective mass along its normal, and the least across it.
 
-    Across, it is 1 / λ of the greater eigenvalue λ of what an impulse does in the tangent plane: a
-    step of that length never overshoots, so friction only ever takes energy.
+    The mass across is 1 / λ, where λ is the greater eigenvalue of the response to impulses in the
+    tangent plane. A step with this mass never overshoots, so friction never adds energy.
     """
     masses = np.empty((len(bodies), 2))
     for i in range(len(bodies)):
@@ -210,9 +211,9 @@ def _masses(bodies, arms, normals, inverse_mass, inverse_inertia):
 
 @helper
 def _rub(v, w, i, bodies, arms, normals, mass, most, rubbed, inverse_mass, inverse_inertia):
-    """Coulomb's friction at one contact: an impulse of at most `most` in the tangent plane.
+    """Apply Coulomb's friction at one contact: an impulse of at most `most` in the tangent plane.
 
-    Returns the change of the tangential velocity.
+    Return the change of the tangential velocity.
     """
     a, b, n = bodies[i, 0], bodies[i, 1], normals[i]
     u = _relative(v, w, a, b, arms[i, 0], arms[i, 1])
@@ -231,7 +232,10 @@ def _rub(v, w, i, bodies, arms, normals, mass, most, rubbed, inverse_mass, inver
 
 @helper
 def _press(v, w, i, bodies, arms, normals, mass, target, pressed, inverse_mass, inverse_inertia):
-    """The normal impulse of one contact, so that it parts at `target` or faster."""
+    """Apply the normal impulse at one contact, so that it parts at `target` or faster.
+
+    Return the change of the normal velocity.
+    """
     a, b, n = bodies[i, 0], bodies[i, 1], normals[i]
     un = dot(n, _relative(v, w, a, b, arms[i, 0], arms[i, 1]))
     total = max(pressed[i] - mass * (un - target), 0.0)
@@ -247,16 +251,16 @@ def prevent(
     v, w, bodies, arms, normals, targets, friction, pressed, rubbed, inverse_mass, inverse_inertia,
     sweeps,
 ):  # fmt: skip
-    """Impulses by which every contact's normal velocity is `targets` (k,) or more.
+    """Apply impulses by which every contact's normal velocity is `targets` (k,) or more.
 
-    Projected Gauss-Seidel on ``0 <= pressed ⊥ (normal velocity - target) >= 0`` and Coulomb's cone
-    (Moreau 1988; Jean 1999): v and w are changed in place, and so are `pressed` (k,) and `rubbed`
-    (k, 3), which hold a first guess.
+    The method is projected Gauss-Seidel on ``0 <= pressed ⊥ (normal velocity - target) >= 0`` and
+    Coulomb's cone (Moreau 1988; Jean 1999). It changes v and w in place, and also `pressed` (k,)
+    and `rubbed` (k, 3), which hold a first guess.
     """
     masses = _masses(bodies, arms, normals, inverse_mass, inverse_inertia)
     for i in range(len(bodies)):
         n = normals[i]
-        # The guess is from another moment, so friction is put into this one's tangent plane.
+        # The guess is from another moment: project its friction into the present tangent plane.
         along = dot(n, rubbed[i])
         for k in range(3):
             rubbed[i, k] -= along * n[k]
@@ -289,13 +293,13 @@ def collide(
     v, w, bodies, arms, normals, hit, restitution, friction, pressed, rubbed, inverse_mass,
     inverse_inertia, sweeps,
 ):  # fmt: skip
-    """Impulses of the contacts in `hit` (k,) at one instant.
+    """Apply the impulses of a collision at the contacts in `hit` (k,), at one instant.
 
-    First those, without friction, after which none of them approaches; then as much again times
-    `restitution` (k, of the contact's island): the impulse p that ends the approach takes
-    pᵀ M⁻¹ p / 2 of the energy, and twice of it gives that back (Moreau 1988). Where the sweeps have
-    not converged the second part is cut, by one share on all islands, to what the first one took,
-    so no collision gains energy. Friction comes last, bounded by all of the normal impulse. v, w,
+    First, impulses p without friction end every approach. Then each is applied again, multiplied by
+    `restitution` (k, of the contact's island): p takes pᵀ M⁻¹ p / 2 of the energy, and applying it
+    twice gives that back (Moreau 1988). If the sweeps have not converged, the second part is
+    limited, by one share for all islands, so that it returns no more than the first part took. So
+    no collision gains energy. Friction comes last, bounded by the whole normal impulse. v, w,
     `pressed` (k,) and `rubbed` (k, 3) are written.
     """
     count = len(bodies)
@@ -324,7 +328,7 @@ def collide(
         if restitution[i] > 0.0:
             took -= pressed[i] * before[i]
             size += pressed[i] * (after - before[i])
-    # By s p the energy changes by s pᵀu + s² pᵀM⁻¹p / 2: no gain up to s = -2 pᵀu / pᵀM⁻¹p.
+    # s p changes the energy by s pᵀu + s² pᵀM⁻¹p / 2: no gain up to s = -2 pᵀu / pᵀM⁻¹p.
     most = 2.0 * took / size - 1.0 if size > 0.0 else 0.0
     for i in range(count):
         again = max(min(restitution[i], most), 0.0) * pressed[i]
@@ -341,7 +345,7 @@ def collide(
 def rub(
     v, w, bodies, arms, normals, friction, pressed, rubbed, inverse_mass, inverse_inertia, sweeps
 ):
-    """Friction alone, for given normal impulses (k,)."""
+    """Apply friction alone, for given normal impulses (k,)."""
     masses = _masses(bodies, arms, normals, inverse_mass, inverse_inertia)
     for _ in range(sweeps):
         change = 0.0
@@ -371,7 +375,7 @@ def apply(impulses, bodies, arms, velocity, momentum, inverse_mass):
 
 @entry
 def islands(bodies, joined, inverse_mass):
-    """Number of the island of each body (n,): movable bodies joined by contacts, in any chain."""
+    """Return the island (n,) of each body: a number shared by movable bodies that contacts join."""
     island = np.arange(len(inverse_mass))
     changed = True
     while changed:
@@ -388,7 +392,7 @@ def islands(bodies, joined, inverse_mass):
 
 @entry
 def approach(v, w, bodies, arms, normals):
-    """Normal velocity (k,) of each contact; positive if it parts."""
+    """Return the normal velocity (k,) of each contact; positive if it parts."""
     speeds = np.empty(len(bodies))
     for i in range(len(bodies)):
         a, b = bodies[i, 0], bodies[i, 1]

@@ -1,4 +1,4 @@
-"""Where bodies are and how they move."""
+"""The state of rigid bodies: poses and motion."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 @dataclass
 class RigidBodyState:
-    """A row a body, world frame.
+    """The state of all bodies, one row per body, in the world frame.
 
     Attributes:
-        centre: (n, 3) metres, of mass.
+        centre: (n, 3) metres, the centre of mass.
         turn: (n, 4) unit quaternions w, x, y, z: model to world.
         velocity: (n, 3) metres per second, of the centre of mass.
-        momentum: (n, 3) kg m²/s, angular, about the centre of mass.
+        momentum: (n, 3) kg m²/s, angular momentum about the centre of mass.
     """
 
     centre: NDArray[np.float64]
@@ -25,12 +25,12 @@ class RigidBodyState:
     momentum: NDArray[np.float64]
 
     def copy(self) -> RigidBodyState:
-        """Return the same in arrays of its own."""
+        """Return a copy with its own arrays."""
         return RigidBodyState(*(array.copy() for array in vars(self).values()))
 
 
 def quaternion(rotation: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the unit quaternion w, x, y, z of a rotation (3, 3), by Shepperd 1978."""
+    """Return the unit quaternion w, x, y, z of a rotation (3, 3) (Shepperd 1978)."""
     r = rotation
     trace = np.trace(r)
     squares = np.array([trace, *(2.0 * np.diag(r) - trace)])

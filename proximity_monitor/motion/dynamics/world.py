@@ -1,9 +1,9 @@
 """Rigid bodies and one step of their motion.
 
-Between contacts the rule is velocity Verlet for the centres of mass, exact under constant gravity,
-and the implicit midpoint rule for the rotations, which keeps their energy. Contacts are found at
-both ends of every step, which is taken back and halved where a surface came too near; so rigid
-bodies never touch. What the contacts' rounding, order and linearisation would add to the energy is
+Without contacts, a step is velocity Verlet for the centres of mass, which is exact under constant
+gravity, and the implicit midpoint rule for the rotations, which keeps their energy. Contacts are
+found at both ends of every step. If surfaces came too near, the step is undone and halved, so rigid
+bodies never touch. Rounding, the order and the linearisation of contacts could add energy; it is
 taken from the velocities again.
 """
 
@@ -25,21 +25,21 @@ from proximity_monitor.motion.dynamics.settings import Forces, RigidBody
 from proximity_monitor.motion.dynamics.state import RigidBodyState, quaternion
 
 _HALVINGS = 16
-"""How often parts of one step are halved before its bodies are stopped: more would not be worth the
-time."""
+"""The most halvings in one step. After that, bodies that are too near are stopped, because more
+halvings would not be worth the time."""
 
 
 class World:
-    """Bodies, obstacles and what acts on them.
+    """Bodies, obstacles and the forces on them.
 
     Args:
-        bodies: those with a density move.
-        forces: the named forces.
+        bodies: the bodies that move, which have a density, and the obstacles, which have none.
+        forces: the forces.
         step_s: seconds; the longest step.
 
     Raises:
-        ValueError: naming a body that has a density and encloses no volume, or two that touch at
-            the start.
+        ValueError: a body with a density encloses no volume, or two bodies touch at the start. The
+            message names them.
     """
 
     def __init__(self, bodies: Sequence[RigidBody], forces: Forces, step_s: float) -> None:
@@ -49,7 +49,7 @@ class World:
         self.stops = 0
         """How often bodies were stopped because even the shortest step was too long."""
         self.touched: tuple[str, str] | None = None
-        """The first two that were stopped because they touch, as only what deforms can."""
+        """The first two bodies stopped because they touch; only bodies that deform can."""
         self._mass = [_mass_of(body) for body in bodies]
         self._movable = np.array([body.density is not None for body in bodies])
         self._masses = np.array([m.mass if m else np.inf for m in self._mass])
@@ -84,7 +84,7 @@ class World:
         self.restart()
 
     def restart(self) -> None:
-        """Put everything back to its start; the motion then repeats bit by bit."""
+        """Put everything back to its start. The motion then repeats bit by bit."""
         turns = np.array([quaternion(body.pose[:3, :3]) for body in self.bodies])
         self.state = RigidBodyState(
             centre=np.array(
@@ -114,9 +114,9 @@ class World:
         self._cannot_pay = False
 
     def step(self, stopped: Callable[[], bool] = lambda: False) -> None:
-        """Go on by `step_s`, in several steps where bodies are too fast for one.
+        """Advance by `step_s`, in several steps if bodies are too fast for one.
 
-        Those may be many. Once it is `stopped`, which is asked before each, the rest is left out.
+        These may be many. `stopped` is called before each; once it returns True, skip the rest.
         """
         self._steps += 1
         self._reshape()
@@ -131,7 +131,7 @@ class World:
                 h *= 0.5
                 taken_back += 1
                 if taken_back > _HALVINGS:
-                    self._stop()  # and nothing moves for the rest of this step
+                    self._stop()  # then nothing moves for the rest of this step
                     return
             left = left - h if left > 1.5 * h else 0.0
 
@@ -145,7 +145,7 @@ class World:
         return self._poses.copy()
 
     def energy(self) -> float:
-        """Return the kinetic and potential energy, joules; gravity's is zero at the origin."""
+        """Return the total energy, joules; the potential of gravity is zero at the origin."""
         total = float(self._energies().sum())
         if self._contacts is not None:
             total += float(self._law.stored(self._contacts).sum())
@@ -159,12 +159,12 @@ class World:
 
     @property
     def searches(self) -> int:
-        """How many distances of two pieces contacts have cost so far; 0 without contacts."""
+        """The number of distances of two pieces that were searched so far; 0 without contacts."""
         return 0 if self._finder is None else self._finder.searches
 
     @property
     def rubbings(self) -> int:
-        """How often friction was computed."""
+        """The number of times that friction was computed."""
         return 0 if self._finder is None else self._law.rubbings
 
     def clearance(self) -> float:
@@ -172,19 +172,19 @@ class World:
         return np.inf if self._finder is None else float(self._finder.lower.min(initial=np.inf))
 
     def _measure(self) -> None:
-        """Derive from the models how far the bodies reach."""
+        """Derive from the models how far the bodies reach from their centres of mass."""
         reach = [
             body.model.radius + np.linalg.norm(body.model.centre - offset)
             for body, offset in zip(self.bodies, self._offset, strict=True)
         ]
         self._radius = np.array(reach)
-        # Each point of a body is slower than |v| + this times |L|, in any orientation.
+        # In any orientation, no point of a body is faster than |v| + _reeling |L|.
         self._reeling = self._radius * np.linalg.norm(
             self._inverse_inertia_body, ord=2, axis=(1, 2)
         )
 
     def _reshape(self) -> None:
-        """Give the bodies that deform their shape at this time."""
+        """Give the deforming bodies their shapes at the present time."""
         if not self._soft:
             return
         self._rise = moved = np.zeros(len(self.bodies))
@@ -196,10 +196,10 @@ class World:
             self._contacts = self._finder.reshape(self._poses)
 
     def _go(self, h: float, gently: bool) -> bool:
-        """Try a step of h seconds; leave everything as it was where it cannot be made.
+        """Try a step of h seconds; return whether it succeeded. If not, undo it.
 
-        That is where surfaces come too near, or where bodies would gain energy from contacts and
-        have no motion that it could be taken from, unless they were pushed `gently`.
+        A step fails if surfaces come too near. It also fails if bodies gain energy from contacts,
+        and have no motion from which to take it, unless they were pushed `gently`.
         """
         self._cannot_pay = False
         if self._finder is None:
@@ -230,7 +230,7 @@ class World:
         return True
 
     def _take_back(self, before: RigidBodyState, seen: Seen) -> bool:
-        """Undo the step, and search the pairs that came too near again: contacts were missing."""
+        """Undo the step; search the pairs that came too near again, as contacts were missing."""
         self.state = before
         self._place()
         self._finder.recall(seen, self._too_near)
@@ -259,22 +259,22 @@ class World:
     def _speeds(
         self, velocity: NDArray[np.float64], momentum: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """Upper bounds (k,) of how fast any two points of each pair's bodies approach."""
+        """Return upper bounds (k,) of how fast any two points of each pair's bodies approach."""
         turning = self._reeling * np.sqrt((momentum**2).sum(axis=1))
         return self._apart(velocity) + turning[self._finder.pairs].sum(axis=1)
 
     def _apart(self, vectors: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Lengths (k,) of the differences of each pair's vectors (n, 3)."""
+        """Return the lengths (k,) of the differences of each pair's vectors (n, 3)."""
         first, second = self._finder.pairs.T
         return np.sqrt(((vectors[first] - vectors[second]) ** 2).sum(axis=1))
 
     def _parts(self, left: float) -> int:
-        """Return into how many steps to cut these seconds, so that nothing passes through unseen.
+        """Return into how many steps to cut these seconds, so that no body passes through another.
 
-        In a step no pair travels further than it is apart, or than its bodies are thick. What
-        passes through another in one step travels further than both are thick together: twice the
-        volume over the area of each, if they are plates, and more if they are not. Half of that is
-        allowed.
+        In a step, no pair may travel further than its distance (less the contacts' reach) or than
+        the sum of its bodies' `thickness`, whichever is greater. To pass through each other in one
+        step, bodies must travel further than both are thick together. For plates, that is twice the
+        sum of their volumes over areas; for other bodies, more. Half of that is allowed.
         """
         if self._finder is None:
             return 1
@@ -283,19 +283,19 @@ class World:
         return max(1, int(np.ceil(left * (speeds / room).max(initial=0.0))))
 
     def _reach(self) -> NDArray[np.float64]:
-        """How far from each other (k,) surfaces may meet within the next step; see `_parts`."""
+        """Return the distances (k,) from which surfaces may meet in the next step; see `_parts`."""
         speeds = self._speeds(self.state.velocity, self.state.momentum)
         travel = self.step_s * (speeds + self.step_s * self._pull)
         return self._law.reach + np.minimum(travel, self._thickness)
 
     def _moved(self, before: RigidBodyState) -> NDArray[np.float64]:
-        """Upper bounds (k,) of how far two points of each pair's bodies moved together.
+        """Return upper bounds (k,) of how far two points of each pair's bodies approached.
 
-        A turn by θ moves a point by 2 sin(θ/2) times its distance from the centre at most, and
-        changes the quaternion by 2 sin(θ/4), which is half of that or more.
+        A turn by θ moves a point by at most 2 sin(θ/2) times its distance from the centre. It
+        changes the quaternion by 2 sin(θ/4), which is at least half of 2 sin(θ/2).
         """
         turned = np.sqrt(((self.state.turn - before.turn) ** 2).sum(axis=1))
-        # The model's own coordinates count as well, because it may be drawn far from its origin.
+        # The model's own coordinates count too, because it may be drawn far from its origin.
         size = np.abs(self.state.centre).sum(axis=1) + np.abs(self._offset).sum(axis=1)
         rounding = ROUNDING * (size + self._radius)
         each = 2.0 * turned * self._radius + rounding
@@ -308,7 +308,7 @@ class World:
             self.state.momentum *= np.exp(-self.forces.angular_damping * h)
 
     def _stop(self) -> None:
-        """Stop those bodies whose surfaces come too near in any step, however short."""
+        """Stop the bodies whose surfaces come too near even in the shortest step."""
         self.stops += 1
         touching = np.flatnonzero(self._too_near & (self._finder.lower <= 0.0))
         if self.touched is None and len(touching):
@@ -318,7 +318,7 @@ class World:
         self.state.momentum[bodies] = 0.0
 
     def _kinetic(self) -> NDArray[np.float64]:
-        """(n,) joules."""
+        """Return the kinetic energy (n,) of each body, joules."""
         v, momentum = self.state.velocity[self._movable], self.state.momentum[self._movable]
         energy = np.zeros(len(self.bodies))
         energy[self._movable] = 0.5 * self._masses[self._movable] * (v * v).sum(axis=1)
@@ -327,7 +327,7 @@ class World:
         return energy
 
     def _energies(self) -> NDArray[np.float64]:
-        """Kinetic and potential energy (n,) of each body, joules."""
+        """Return the kinetic and potential energy (n,) of each body, joules."""
         energy = self._kinetic()
         height = (self._gravity[self._movable] * self.state.centre[self._movable]).sum(axis=1)
         energy[self._movable] -= self._masses[self._movable] * height
@@ -338,10 +338,10 @@ class World:
     ) -> bool:
         """Slow down islands of bodies in contact that have more energy than before the step.
 
-        Contacts only pass energy on or take it; what rounding, a linear step along a curved
-        surface, or moving surfaces apart adds is taken from the velocities of the island. Returns
-        whether it could be. What deforms may raise its island by twice as far as its surface
-        moved: as far, and what it lags behind.
+        Contacts only transfer energy or take it. Rounding, a linear step along a curved surface,
+        and moving surfaces apart can add some; it is taken from the island's velocities. Return
+        whether that was possible. A deforming body may lift its island by twice the motion of its
+        surface: once for this motion, and once for earlier motion that the island lags behind.
         """
         old, new = self._law.active | (stored > 0.0), (after := self._law.stored(found)) > 0.0
         bodies = np.concatenate((self._contacts.bodies[old], found.bodies[new]))
@@ -374,7 +374,7 @@ class World:
         return np.bincount(island, amounts, minlength=len(self.bodies))
 
     def _one_of(self, contacts: Contacts) -> NDArray[np.int64]:
-        """A moving body of each contact."""
+        """Return a body of each contact that can move."""
         first, second = contacts.bodies.T
         return np.where(self._movable[first], first, second)
 
@@ -393,7 +393,7 @@ def _mass_of(body: RigidBody) -> MassProperties | None:
         return None
     mesh = body.model.display_mesh(0.0)
     try:
-        # That a curved solid closes up is proven; its triangles meet but for rounding.
+        # A curved solid is proven to be closed; its triangles meet up to rounding.
         return mass_properties(mesh, body.density, mesh.normals is not None and body.model.is_solid)
     except ValueError as error:
         raise ValueError(f"dynamics.bodies.{body.name}: {error}") from None
