@@ -1,7 +1,7 @@
-"""How deep two models overlap: the memory of the searches, their slices, and what they found.
+"""Searches for how deep two models overlap: their memory, their slices, and what they found.
 
-There are three searches with the same methods: for the largest ball inside two solids, for the
-deepest point of a surface in a solid, and for models that are nothing but swept (cores.py).
+Three kinds of search have the same methods: for the largest ball inside two solids, for the deepest
+point of a surface in a solid, and for models whose only volume is swept by a ball (cores.py).
 """
 
 from __future__ import annotations
@@ -29,22 +29,22 @@ if TYPE_CHECKING:
     from ..models.hierarchy import Hierarchy
 
 _MOST_CELLS = 4096
-"""The most cells that are looked into if a solid has holes. Right behind a hole a point counts as
-deep as it is far from the faces, so no cell there gets a better bound, however small it is."""
+"""The most cells that a search looks into if a solid has holes. Right behind a hole, a point counts
+as deep as it is far from the faces, so no cell there gets a better bound, however small it is."""
 
 _MOST_PIECES = 1 << 15
-"""The most pieces of patches and curves that are looked into, or cells of space where a solid is
-made of patches. Where a whole region of a surface is deepest, or as far from the centre of a ball,
-nothing ends the search for more digits than these tell."""
+"""The most pieces of patches and curves that a search looks into, or cells of space if a solid is
+made of patches. If a whole region of a surface is deepest, or equally far from the centre of a
+ball, nothing else would end a search for more digits than these pieces give."""
 
 _NO_ROW = np.empty(0)
 
 _KINDS = MeshTree, SurfaceTree, RevolutionTree
-"""The kinds of solids; of unlike ones kernels take the later one first."""
+"""The kinds of solids. Of two unlike kinds, kernels take the one that stands later here first."""
 
 
 def solid_kind(model: Model) -> type:
-    """The kind of a solid's tree; whatever its volumes are, a mesh's is of one."""
+    """Return the kind of a solid's tree; it is the same for all meshes, whatever their volumes."""
     hierarchy = model._hierarchy
     return hierarchy.tree_kind if are_divided(hierarchy) else MeshTree
 
@@ -55,7 +55,7 @@ class BallSearch:
     Args:
         a: first solid.
         b: second solid.
-        surface: the one of them that is none, but a surface in the other.
+        surface: the one of them that is no solid but a surface in the other; None: both are solids.
     """
 
     __slots__ = (
@@ -65,7 +65,7 @@ class BallSearch:
 
     def __init__(self, a: Model, b: Model, surface: Model | None = None) -> None:
         self._models = a, b
-        # Which model the kernels take first, and so in which order they take both.
+        # Which model the kernels take first, and the order of both that follows.
         self._first = self._choose()
         self._order = slice(None, None, -1 if self._first else 1)
         self._hierarchies: tuple[Hierarchy, ...] = ()
@@ -75,12 +75,12 @@ class BallSearch:
         self._most = math.inf
 
     def __del__(self, give_back: Callable[[BallMemory], None] = give_back) -> None:
-        """As of a `Search`."""
+        """Give the memory back, as a `Search` does."""
         if hasattr(self, "_own"):
             give_back(self._own)
 
     def _choose(self) -> int:
-        """Choose the kernels for both kinds of models; returns which model these take first."""
+        """Choose the kernels for the kinds of both models; return which model they take first."""
         a, b = (_KINDS.index(solid_kind(model)) for model in self._models)
         self._entries = BALLS[_KINDS[max(a, b)], _KINDS[min(a, b)]]
         return int(b > a)
@@ -104,7 +104,7 @@ class BallSearch:
         hierarchies = a._hierarchy, b._hierarchy
         if hierarchies != self._hierarchies:
             tables = [each.sides().table for each in hierarchies]
-            # A table holds addresses: the arrays are the hierarchies'.
+            # A table holds addresses only, so the hierarchies are kept for their arrays.
             self._tables, self._hierarchies = np.array(tables), hierarchies
         holes = any(each.sides().region.inside == HALF for each in hierarchies)
         self._most = _MOST_CELLS if holes else math.inf
@@ -112,20 +112,20 @@ class BallSearch:
             self._most = min(self._most, _MOST_PIECES)
 
     def seed_contact(self, row: NDArray[np.float64]) -> None:
-        """Add seeds about the nearest points of an answer (ANSWER,)."""
+        """Add seeds around the nearest points of an answer (ANSWER,)."""
         self._entries.add_seeds(self._tables, self._table, row, self._first, 0, NONE)
 
     def seed_part(self, body: int, element: int) -> None:
-        """Add seeds about an element of one of the models that lies in the other."""
+        """Add seeds around an element of one model, `body`, that lies in the other model."""
         body = abs(body - self._first)
         self._entries.add_seeds(self._tables, self._table, _NO_ROW, self._first, body, element)
 
     def seek(self, deadline: float) -> bool:
-        """Try the seeds until one is the centre of a ball, or to the deadline and return False."""
+        """Try seeds until one is the centre of a ball; return False if the deadline came first."""
         return not self._at["seeds"] or self._search(deadline, True)
 
     def search(self, deadline: float) -> bool:
-        """Search to the end, or to the deadline and return False; one slice at least."""
+        """Search to the end, one slice at least; return False if the deadline came first."""
         return self._search(deadline, False)
 
     def _search(self, deadline: float, seeds_alone: bool) -> bool:
@@ -145,14 +145,14 @@ class BallSearch:
     def _make_room(self) -> None:
         old = self._ball
         count = len(old.order)
-        # The new table is there before the old arrays are gone: Ctrl-C may come at any moment.
+        # Make the new table before the old arrays are gone: Ctrl-C may come at any moment.
         ball = old._replace(
             bounds=np.resize(old.bounds, 2 * count),
             order=np.concatenate((old.order, np.arange(count, 2 * count, dtype=np.int32))),
             cells=np.concatenate((old.cells, np.empty(count, old.cells.dtype))),
         )
         cells, nets, roots = self._more
-        # What is behind the first half is written before it is read.
+        # The second half is written before it is read.
         more = np.resize(cells, 2 * len(cells)), np.resize(nets, 2 * len(nets)), roots
         made = ball_table(ball, more)
         self._ball, self._more, self._table = ball, more, made
@@ -198,7 +198,7 @@ class BallSearch:
         return max(radius - joints, 0.0), deep + joints if deep > 0.0 else 0.0
 
     def fill(self, row: NDArray[np.float64]) -> None:
-        """Write into an answer (ANSWER,) where the surfaces are nearest to the ball's centre."""
+        """Write into an answer (ANSWER,) both surfaces' points nearest to the ball's centre."""
         self._entries.write(self._tables, self._table, *self._poses, row, self._first)
 
 
@@ -234,13 +234,13 @@ class DeepestSearch(BallSearch):
         self._begin(self._tables, self._table, *self._poses, depth_err, abs_err)
 
     def seed_contact(self, row: NDArray[np.float64]) -> None:
-        """Do nothing: points beside a surface are not on it."""
+        """Do nothing: seeds are points beside a surface, not on it."""
 
     def seed_part(self, body: int, element: int) -> None:
-        """Do nothing, either."""
+        """Do nothing, for the same reason."""
 
     def seek(self, deadline: float) -> bool:
-        """Do nothing, as there are no seeds."""
+        """Do nothing: there are no seeds."""
         return True
 
     def _slice(self, seeds_alone: bool, steps: int) -> int:
@@ -248,10 +248,10 @@ class DeepestSearch(BallSearch):
 
     @property
     def bounds(self) -> tuple[float, float]:
-        """Certified bounds of the depth, metres; a swept surface reaches deeper by its radius."""
+        """Certified bounds of the depth, metres; a swept surface may be deeper by its radius."""
         shallow, deep = self._radii()
         return shallow, deep + self._hierarchies[1].swept_radius
 
     def fill(self, row: NDArray[np.float64]) -> None:
-        """Write into an answer (ANSWER,) the deepest point, and the solid's nearest to it."""
+        """Write into an answer (ANSWER,) the deepest point and the solid's point nearest to it."""
         self._write(self._tables, self._table, self._first, *self._poses, row)

@@ -13,31 +13,32 @@ from .memory import Memory
 from .search_memory import CellRoom, cells_for
 
 _CELLS = 64
-"""The number of cells that there is room for at first."""
+"""Cells that there is room for at first."""
 
 _PARTS = 256
-"""The number of cells of patches and curves that there is room for at first, besides whole ones."""
+"""Parts of patches and curves that there is room for at first, besides all whole elements."""
 
 _SEEDS = 32
 """The most points that a search may begin with."""
 
 _LEVELS = 8
-"""The stack has room for a multiple of so many levels: that serves models of most sizes."""
+"""The room of the stack is rounded up to a multiple of so many levels, so that models of most sizes
+share one kind of memory."""
 
 
 class BallKind(NamedTuple):
-    """All that the sizes of the arrays depend on."""
+    """All that the array sizes of a memory depend on."""
 
     levels: int
-    """Of the deeper model."""
+    """Levels of the deeper of both hierarchies, rounded up."""
     deepest: bool
-    """Whether the deepest point of a surface is searched for, instead of the largest ball."""
+    """Whether the search is for the deepest point of a surface, instead of the largest ball."""
     cells: CellRoom | None
-    """For the cells of that surface."""
+    """Room for the cells of that surface; None if its elements are not divided."""
 
     @classmethod
     def of(cls, a: Model, b: Model, surface: Model | None) -> BallKind:
-        """The kind of a search over two models, one of which may be a surface."""
+        """Return the kind of a search over two models; `surface` is the one that is no solid."""
         levels = -(-max(a._hierarchy.depth, b._hierarchy.depth) // _LEVELS) * _LEVELS
         if surface is None:
             return cls(levels, False, None)
@@ -47,14 +48,14 @@ class BallKind(NamedTuple):
 class BallMemory(Memory):
     """The arrays of a search, with the table by which kernels find them.
 
-    A search that needs more cells takes others of its own.
+    A search that needs room for more cells makes larger arrays of its own.
     """
 
     __slots__ = ("ball", "more", "table")
 
     ball: Ball
     more: tuple[NDArray, ...]
-    """Cells of the surface."""
+    """The surface's cells, their control points, and the cells of whole elements."""
     table: NDArray[np.int64]
 
     def __init__(self, kind: BallKind) -> None:

@@ -1,4 +1,4 @@
-"""The nearest points of a model's surface to many points, and on which side of it these lie."""
+"""The points of a model's surface nearest to many points, and the side on which each point lies."""
 
 from __future__ import annotations
 
@@ -24,65 +24,65 @@ from .sharing import share
 from .slices import deadline_of, slices_until
 
 _POINTS = 4096
-"""Points that one thread answers in a row; the number of threads does not change the answers."""
+"""Points of a block that one thread answers; the number of threads does not change the answers."""
 
 
 @dataclass(frozen=True, slots=True)
 class Nearest:
-    """What kernels wrote about k points; the answer is made of it field by field.
+    """What kernels wrote about k points; `ClosestPoints` makes each field from it when it is read.
 
-    To finish thousands of rows takes longer than a short budget lasts.
+    Finishing thousands of rows at once would take longer than a short budget lasts.
     """
 
     numbers: NDArray[np.int32]
-    """(m,) which face stands where in tree order."""
+    """(m,) the face, patch or curve of each element in tree order."""
     bounds: NDArray[np.float64]
-    """(k, 2); what is not done stands for nothing, here and in what follows."""
+    """(k, 2) metres; rows of points that are not done mean nothing, here and in what follows."""
     feet: NDArray[np.float64]
-    """(k, 3) where there is a triangle."""
+    """(k, 3) metres, world: the nearest points; valid where an element was found."""
     triangles: NDArray[np.int32]
-    """(k,) in tree order, or NONE."""
+    """(k,) the element of each foot in tree order, or NONE."""
     surface: PointsOnSurface | None
-    """What else was written about those of a surface; None: of a mesh."""
+    """What else was written about the feet on a surface; None for a mesh."""
     directions: NDArray[np.float64] | None
-    """(k, 3) where there is a triangle of a mesh, if they were asked for."""
+    """(k, 3) normals of a mesh, valid as `feet`; None if not asked for, or for a surface."""
     ends: NDArray[np.int64]
-    """The points that are done of every _POINTS: those before this one."""
+    """For each block of _POINTS points, the number after its last point that is done."""
     nothing: float
-    """The lower bound of what is not done."""
+    """The lower bound of a point that is not done, metres."""
 
     def done(self) -> NDArray[np.bool_]:
-        """Which points are done (k,)."""
+        """Return which points are done (k,)."""
         number = np.arange(len(self.bounds))
         return number < self.ends[number // _POINTS]
 
     def near(self) -> NDArray[np.bool_]:
-        """Which points have a triangle (k,)."""
+        """Return for which points an element was found (k,)."""
         return self.done() & (self.triangles != closest_kernel.NONE)
 
     def lower(self) -> NDArray[np.float64]:
-        """Lower bounds (k,)."""
+        """Return the lower bounds (k,), metres."""
         return np.where(self.done(), self.bounds[:, 0], self.nothing)
 
     def upper(self) -> NDArray[np.float64]:
-        """Upper bounds (k,)."""
+        """Return the upper bounds (k,), metres."""
         return np.where(self.done(), self.bounds[:, 1], math.inf)
 
     def elements(self) -> NDArray[np.int32]:
-        """The faces of the triangles (k,), or -1."""
+        """Return the faces, patches or curves of the feet (k,), or -1."""
         near = self.near()
         return np.where(near, self.numbers[np.where(near, self.triangles, 0)], -1)
 
     def points(self) -> NDArray[np.float64]:
-        """The feet that were found (k, 3), or NaN."""
+        """Return the feet that were found (k, 3), or NaN."""
         return self._found(self.feet)
 
     def parameters(self) -> NDArray[np.float64] | None:
-        """Where those are on the elements of a surface (k, 2), or NaN; None: of a mesh."""
+        """Return the parameters of the feet on a surface (k, 2), or NaN; None for a mesh."""
         return None if self.surface is None else self._found(self.surface.places())
 
     def normals(self) -> NDArray[np.float64] | None:
-        """The surface's normals there (k, 3), or NaN, if they were asked for."""
+        """Return the surface's normals at the feet (k, 3), or NaN; None if not asked for."""
         directions = self.directions
         if self.surface is not None:
             directions = self.surface.normals(self.elements())
@@ -105,36 +105,36 @@ def closest_points(
     normals: bool = False,
     signed: bool = False,
 ) -> ClosestPoints:
-    """The points of a surface nearest to many given points.
+    """Find the point of a model's surface nearest to each of many points.
 
     Args:
-        model: the surface.
+        model: the model.
         pose: (4, 4) model to world, metres.
         points: (k, 3) metres, world.
-        rel_err: what is found may be farther than the nearest point:
-            upper <= (1 + rel_err) · true distance, to rounding; the bounds tell how near it is.
-        abs_err: metres; upper <= true distance + abs_err, whichever allows more. With `signed`, a
-            point that is nearer to the surface than that may be told to be on either side.
-        max_distance: metres; for points farther away only that is found out, which is cheaper, and
-            with `signed` on which side they lie.
-        budget_s: seconds; when they are over, the remaining points stay undone. None: no limit.
-            At least some microseconds' work is done.
+        rel_err: a point that is found may be farther than the nearest one:
+            upper <= (1 + rel_err) · true distance, up to rounding. The bounds tell how near it is.
+        abs_err: metres; upper <= true distance + abs_err. The tolerance that allows more counts.
+            With `signed`, a point nearer to the surface than abs_err may be given either side.
+        max_distance: metres. Of points farther away, only this is found out, which is cheaper; with
+            `signed` also the side on which they lie.
+        budget_s: seconds. When the budget ends, the remaining points stay undone. None: no limit.
+            Each call does at least some microseconds of work.
         threads: how many threads share the work; the answers do not depend on it.
         normals: whether to return the surface's normals at the nearest points.
         signed: whether distances are negative inside a solid (see `model.is_solid`, and
-            `signed_distance` for what is inside). It takes a third longer, or with
-            `solid="robust"` some 25 times as long. Where rounding hides the side, as upon the
-            surface, the bounds have either sign. For a model swept by a ball the signed distance is
-            that of its core less the radius, so a point is as deep as it is in the deepest of the
-            swept triangles. The first question about a mesh also finds out whether it is a solid,
-            which takes some 15 ms for 100,000 triangles and which no budget cuts. For a surface
-            this changes nothing.
+            `signed_distance` for what counts as inside). This takes a third longer, or with
+            `solid="robust"` some 25 times as long. If rounding hides the side, as on the surface,
+            the bounds have opposite signs. For a model swept by a ball, the signed distance is that
+            of its core less the radius, so a point is as deep as it is in the deepest of the swept
+            triangles. The first question about a mesh also finds out whether it is a solid, which
+            takes some 15 ms for 100,000 triangles and which no budget cuts. If the model is no
+            solid, this argument changes nothing.
 
     Raises:
-        TypeError: a model that is none, a distance, error or budget that is no real number.
-        ValueError: a pose that is no rigid motion; points of another shape, not finite or
-            beyond 1e45 m; a distance, error or budget that is negative or NaN; less than one
-            thread.
+        TypeError: `model` is no model; a distance, error or budget is no real number.
+        ValueError: the pose is no rigid motion; the points have another shape, are not finite or
+            lie beyond 1e45 m; a distance, error or budget is negative or NaN; there is less than
+            one thread.
     """
     start = perf_counter()
     check_model(model, "model")
@@ -155,7 +155,7 @@ def closest_points(
     k = len(given)
     hierarchy = model._hierarchy
     sides = sides_of(model) if signed and model.is_solid else None
-    if sides is not None:  # a point nearer than is tolerated may be on either side
+    if sides is not None:  # a point nearer to the surface than abs_err may get either side
         errors = min(errors[0], 1.0), 0.5 * errors[1]
     bounds, nearest, triangles = np.empty((k, 2)), np.empty((k, 3)), np.empty(k, np.int32)
     ends = np.zeros(-(-k // _POINTS), np.int64)
@@ -184,10 +184,10 @@ def closest_points(
     def answer(first: int, stopped: Event) -> None:
         part = slice(first, first + _POINTS)
         stack, stacked = np.empty(capacity, np.int32), np.empty(capacity)
-        around = np.empty(capacity, np.int32)  # of the nodes that `sides` looks at
-        going = np.zeros(3)  # of the point whose search a slice has cut: see the kernel
+        around = np.empty(capacity, np.int32)  # the stack of `sides`
+        going = np.zeros(3)  # the search for a point that a slice has cut: see the kernel
         count = len(given[part])
-        found = at = 0  # the surface was searched for the first ones, the sides were found of fewer
+        found = at = 0  # so many points have a nearest point; so many of these have a side, too
         slices = slices_until(deadline)
         over = first > 0 and deadline is not None and perf_counter() >= deadline
         while at < count and not (over or stopped.is_set()):
@@ -204,7 +204,7 @@ def closest_points(
                     sides.table, pose, given[part], at, found, slices.steps, around,
                     bounds[part], nearest[part], triangles[part], directions[part],
                 )  # fmt: skip
-            # At least one point, so that asking again and again comes to an end.
+            # Do at least one point, so that repeated calls come to an end.
             over = slices.over() and (first > 0 or at > 0)
         ends[first // _POINTS] = first + at
 

@@ -1,4 +1,4 @@
-"""The nearest points of parametric surfaces to many points."""
+"""The points of parametric surfaces nearest to many points."""
 
 from __future__ import annotations
 
@@ -28,35 +28,35 @@ if TYPE_CHECKING:
 class PointsOnSurface:
     """Where points of a surface lie on its patches, as kernels wrote it.
 
-    Angles and normals take longer than a short budget lasts, so they are made when they are read.
+    Angles and normals would take longer than a short budget lasts, so they are made when read.
     """
 
     nets: tuple[Net, ...]
-    """The surface's, as the search saw them: it may be deformed later."""
+    """The nets of the surface as the search saw them: the surface may be deformed later."""
     pose: NDArray[np.float64]
     """(4, 4) model to world."""
     parameters: NDArray[np.float64]
-    """(k, 2) on patches, where a point was found."""
+    """(k, 2) on patches; valid where a point was found."""
     turned: bool
-    """Whether the second one stands for an angle; see `models.revolution.angle`."""
+    """Whether the second parameter stands for an angle; see `models.revolution.angle`."""
     wanted: bool
     """Whether normals were asked for."""
 
     @classmethod
     def of(cls, model: Surface, pose: NDArray[np.float64], count: int, wanted: bool) -> Self:
-        """Of so many points that are not found yet."""
+        """Make one for `count` points that are not found yet."""
         hierarchy = model._hierarchy
         turned = hierarchy.tree_kind is RevolutionTree
         return cls(hierarchy.nets, pose.copy(), np.zeros((count, 2)), turned, wanted)
 
     def places(self) -> NDArray[np.float64]:
-        """Their parameters (k, 2) as answers name them."""
+        """Return the parameters (k, 2) as answers give them."""
         if not self.turned:
             return self.parameters
         return np.column_stack((self.parameters[:, 0], angle(self.parameters[:, 1])))
 
     def normals(self, patches: NDArray[np.int32]) -> NDArray[np.float64] | None:
-        """The unit normals (k, 3) on these patches, world, if they were asked for; -1: none."""
+        """Return unit normals (k, 3), world, on these patches, -1: none; None if not asked for."""
         if not self.wanted:
             return None
         made = np.empty((len(patches), 3))
@@ -73,10 +73,10 @@ class SurfacePoints:
     Args:
         model: the surface.
         pose: (4, 4) model to world, metres.
-        max_distance: metres, beyond which nothing more is asked.
+        max_distance: metres; of points farther away, nothing more is asked.
         errors: relative, and absolute in metres.
-        deadline: of perf_counter, or None.
-        signed: whether distances are negative inside; the model is a solid then.
+        deadline: a time of perf_counter, or None.
+        signed: whether distances are negative inside; then the model is a solid.
     """
 
     def __init__(
@@ -91,9 +91,9 @@ class SurfacePoints:
         bounds: NDArray[np.float64], nearest: NDArray[np.float64], elements: NDArray[np.int32],
         parameters: NDArray[np.float64],
     ) -> int:  # fmt: skip
-        """Write what `questions.closest.Nearest` says of points (k, 3); returns how many are done.
+        """Write fields of `questions.closest.Nearest` for points (k, 3); return how many are done.
 
-        `first` is the number of the first.
+        `first` is the number of the first of these points among all.
         """
         late = self._deadline is not None and perf_counter() >= self._deadline
         if first and late:
@@ -120,7 +120,7 @@ class SurfacePoints:
                 done = sides_of_surface(
                     model, self._pose, given, done, found, slices.steps, stack, bounds
                 )
-            # At least one point, so that asking again and again comes to an end.
+            # Do at least one point, so that repeated calls come to an end.
             if slices.over() and (first or done):
                 break
         return done

@@ -1,7 +1,7 @@
-"""Contacts of two models of which one at least is a parametric surface: points and normals.
+"""Contacts of two models of which at least one is a parametric surface: points and normals.
 
-The rule is that of triangles (kernels/elements/contacts.py), with the surface's own normal where it
-touches, and the control points of its piece in place of a triangle's corners.
+The rule is that of triangles (kernels/elements/contacts.py), but the surface's own normal at the
+touching point replaces a face normal, and the control points of its piece replace the corners.
 """
 
 from __future__ import annotations
@@ -26,17 +26,17 @@ _NOISE = 8.0
 
 
 def are_divided(*hierarchies: Hierarchy) -> bool:
-    """Whether the elements of any are pieces of surfaces."""
+    """Return whether the elements of any of these hierarchies are pieces of surfaces."""
     return any(isinstance(each.tree, SurfaceTree) for each in hierarchies)
 
 
 def contacts_of(
     rows: Reals, hierarchies: tuple[Hierarchy, Hierarchy], poses: tuple[Reals, Reals], slack: float
 ) -> tuple[NDArray[np.int32], Reals, Reals]:
-    """Contacts (k, 2), their points (k, 3) and normals (k, 3), as in `Collision`.
+    """Return contacts (k, 2), their points (k, 3) and normals (k, 3), as in `Collision`.
 
     Args:
-        rows: (k, ANSWER), of each of which the nearest points touch.
+        rows: (k, ANSWER) answers; the nearest points of each touch.
         hierarchies: of both models.
         poses: two (4, 4), model to world.
         slack: metres; what rounding may do to the distance of these points.
@@ -55,15 +55,15 @@ def contacts_of(
 
 
 class _Side(ABC):
-    """Elements in the world, at the points that answers name."""
+    """The touching elements of one model, at the points that the answers name, in the world."""
 
     __slots__ = ("_elements", "_hierarchy", "_pose", "normals", "numbers", "tangents")
 
     numbers: NDArray[np.int32]
     normals: Reals
-    """(k, 3) unit; 0 where there is none."""
+    """(k, 3) unit; 0 for an element without a normal."""
     tangents: Reals
-    """(k, 3) along each, of any length."""
+    """(k, 3) along each element, of any length."""
 
     def __init__(self, hierarchy: Hierarchy, pose: Reals, rows: Reals, side: int) -> None:
         self._hierarchy, self._pose = hierarchy, pose
@@ -76,14 +76,17 @@ class _Side(ABC):
 
     @abstractmethod
     def _directions(self, parameters: Reals) -> tuple[Reals, Reals]:
-        """Normals and tangents (k, 3) at points (k, 2) of the elements, model frame."""
+        """Return normals and tangents (k, 3) at parameters (k, 2) of the elements, model frame."""
 
     @abstractmethod
     def _products(self, n: Reals) -> Iterator[tuple[NDArray[np.int64], Reals]]:
-        """Of some contacts, directions n (k, 3) times points around whose hull is each element."""
+        """Yield, for some contacts at a time, their numbers and products of n (k, 3) with points.
+
+        The convex hull of the points of a contact holds its element.
+        """
 
     def ends(self, n: Reals) -> tuple[Reals, Reals]:
-        """Where each element begins and ends along directions (k, 3) of the world, metres."""
+        """Bound where each element begins and ends along directions (k, 3) of the world, metres."""
         begins, ends = np.empty(len(n)), np.empty(len(n))
         for contacts, products in self._products(n @ self._pose[:3, :3]):
             begins[contacts], ends[contacts] = products.min(axis=1), products.max(axis=1)
@@ -92,7 +95,7 @@ class _Side(ABC):
 
 
 class _Triangles(_Side):
-    """Of a mesh."""
+    """Elements of a mesh."""
 
     __slots__ = ()
 
@@ -110,7 +113,7 @@ class _Triangles(_Side):
 
 
 class _Pieces(_Side):
-    """Of a surface: Bezier pieces, each within the hull of its control points."""
+    """Elements of a surface: Bezier pieces, each within the hull of its control points."""
 
     __slots__ = ()
 
@@ -141,7 +144,11 @@ def _unit(vectors: Reals) -> Reals:
 
 
 def _parting(a: _Side, b: _Side) -> Reals:
-    """The directions (k, 3) along which b has to go less far until the elements are apart."""
+    """Return directions (k, 3) along which b has the shorter way until the elements are apart.
+
+    The two candidates are the normal of a and that of b reversed; or, if neither has a normal, both
+    directions perpendicular to both tangents.
+    """
     across = _unit(np.cross(a.tangents, b.tangents))
     neither = ~(a.normals.any(axis=1) | b.normals.any(axis=1))[:, None]
     one, other = np.where(neither, across, a.normals), np.where(neither, -across, -b.normals)

@@ -1,4 +1,4 @@
-"""The contacts of two models, made of the elements that a search found."""
+"""The contacts of two models, made from the elements that a search found."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Touching = tuple[NDArray[np.int32], NDArray[np.float64], NDArray[np.float64]]
 
 
 def no_contacts() -> Touching:
-    """The answer for models that do not meet."""
+    """Return the answer for models that do not meet."""
     return np.empty((0, 2), np.int32), np.empty((0, 3)), np.empty((0, 3))
 
 
@@ -34,7 +34,7 @@ class Met:
 
     models: tuple[Model, Model]
     hierarchies: tuple[Hierarchy, Hierarchy]
-    """As the search saw them: a model may be refitted later."""
+    """The hierarchies as the search saw them: a model may be refitted later."""
     pose_a: NDArray[np.float64]
     row: NDArray[np.float64]
     """(ANSWER,) the answer."""
@@ -42,24 +42,24 @@ class Met:
     """Rows of `State.collected`."""
     motions: NDArray[np.float64]
     progress: np.void
-    """`Search.motions`, and how far the search was, as PROGRESS."""
+    """`Search.motions`, and the state of the search, as PROGRESS."""
 
     @property
     def poses(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Both models', (4, 4); that of b as it is seen from a."""
+        """The poses of both models, (4, 4); b's is made from a's and the relative motion."""
         pose_b = np.eye(4)
         pose_b[:3, :3], pose_b[:3, 3] = self.motions[0, :9].reshape(3, 3), self.motions[0, 9:]
         return self.pose_a, self.pose_a @ pose_b
 
     @property
     def touching(self) -> bool:
-        """Whether the nearest triangles that were found touch or cross, or rounding hides it."""
+        """Whether the nearest triangles found touch or cross, or rounding hides whether they do."""
         progress = self.progress
         certain = progress["distance"] - progress["slack"]
         return bool(lower_of.py_func(certain, progress["radii"], progress["deviations"]) <= 0.0)
 
     def contacts(self) -> Touching:
-        """All contacts in the rows."""
+        """Make the contacts from the rows."""
         a, b = self.hierarchies
         progress = self.progress
         if are_divided(a, b):
@@ -72,7 +72,7 @@ class Met:
             rows = self.row[None, [index.TREE_A, index.TREE_B]]
         pairs = rows[:, :2].astype(np.int32)
         points, normals = np.empty((len(pairs), 3)), np.empty((len(pairs), 3))
-        # The search itself may go on meanwhile.
+        # Use another search: the one that found the rows may go on meanwhile.
         own = Search(*self.models, coherent=False)
         own.state.motions[:], own.state.progress[0] = self.motions, progress
         tables = a.table_of_all, b.table_of_all
@@ -82,7 +82,7 @@ class Met:
 
 
 def met(search: Search, pose_a: NDArray[np.float64]) -> Met:
-    """Take the contacts from a search at this pose of a: all, if it collects them, or else one."""
+    """Take the contacts from a search at this pose of a: all if it collects them, else one."""
     a, b = search.models
     blocks = search.collected()
     if not len(search.state.collected):

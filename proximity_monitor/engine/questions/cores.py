@@ -1,4 +1,4 @@
-"""How deep models overlap whose only volume is swept: spheres, capsules, swept sheets.
+"""How deep models overlap whose only volume is swept by a ball: spheres, capsules, swept sheets.
 
 Let d be the distance of the cores, and r and s the radii. Let a point x be at the distance a from
 one core and b from the other. Its depths are r - a and s - b, and a + b is never less than d. So
@@ -8,7 +8,8 @@ largest ball in both has the diameter
 
     min(r + s - d, 2 r, 2 s).
 
-For a surface, swept by s (0 for most), the deepest point counts: min(r + s - d, r).
+For a surface in a solid, the depth of its deepest point counts: min(r + s - d, r), where r is the
+solid's radius and s that which sweeps the surface, 0 for most.
 """
 
 from __future__ import annotations
@@ -27,20 +28,20 @@ from ..models.model import Model
 from .run import Search
 
 _APART = 2.0**-35
-"""Share of all coordinates by which the nearest points of cores that meet are kept apart. The way
-from one to the other is that to the swept surfaces: its direction errs by the share of this that
-rounding is, and a point by as much squared."""
+"""If the cores meet, their nearest points are moved apart by this share of all coordinates. The way
+from one to the other then gives the direction to the swept surfaces. The direction errs by rounding
+as a share of this distance, and a point's distance from the surface by the square of that share."""
 
 
 @dataclass(frozen=True, slots=True)
 class Core:
-    """What a model's ball sweeps; a search needs no more of a model than this."""
+    """The core of a model, which its ball sweeps. A search needs no more of a model than this."""
 
     _hierarchy: Hierarchy
 
 
 class CoreSearch:
-    """A search for the depth of models whose only volume is swept; otherwise as `BallSearch`.
+    """A search for the depth of models whose only volume is swept; methods are as in `BallSearch`.
 
     Args:
         a: first model.
@@ -74,17 +75,17 @@ class CoreSearch:
         self._bounds = 0.0, self._depth(0.0) + self._rounding(0.0)
 
     def seed_contact(self, row: NDArray[np.float64]) -> None:
-        """Do nothing: the cores' nearest points say it all."""
+        """Do nothing: the nearest points of the cores determine the depth."""
 
     def seed_part(self, body: int, triangle: int) -> None:
-        """Do nothing, either."""
+        """Do nothing, for the same reason."""
 
     def seek(self, deadline: float) -> bool:
-        """Do nothing."""
+        """Do nothing: there are no seeds."""
         return True
 
     def search(self, deadline: float) -> bool:
-        """Search to the end, or to the deadline and return False; one slice at least."""
+        """Search to the end, one slice at least; return False if the deadline came first."""
         code = self._search.run(
             *self._poses, fresh=self._fresh, deadline=None if deadline == math.inf else deadline
         )
@@ -102,9 +103,10 @@ class CoreSearch:
         return a, b
 
     def _depth(self, apart: float) -> float:
-        """The depth, if the cores are `apart` metres apart; negative if the models do not overlap.
+        """Return the depth if the cores are `apart` metres apart; negative if nothing overlaps.
 
-        A swept surface is everything near its core, so it may reach the core of the solid.
+        A swept surface is a volume around its core. So it may reach the core of the solid, where
+        the depth is the solid's radius.
         """
         a, b = self._radii()
         solids = [model.is_solid for model in self._models]
@@ -147,7 +149,7 @@ class CoreSearch:
             points[1] += _APART * reach * self._across(found)
 
     def _across(self, found: NDArray[np.float64]) -> NDArray[np.float64]:
-        """A unit vector (3,) that is perpendicular, or nearly so, to both cores where they meet."""
+        """Return a unit vector (3,) perpendicular, or nearly so, to both cores where they meet."""
         edges = [np.zeros((1, 3))]
         for model, pose, at in zip(
             self._models, self._poses, (index.TREE_A, index.TREE_B), strict=True

@@ -1,4 +1,4 @@
-"""Yes-or-no answers: no is certain; if a budget ends first, the answer is an undecided yes."""
+"""Yes-or-no answers. A no is certain. If the budget ends first, the answer is an undecided yes."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ class Clearance:
     """The answer to "is anything nearer than this?": no, yes, or not known in time.
 
     Attributes:
-        row: (ANSWER,) the answer as numbers in a row, as a search writes them.
+        row: (ANSWER,) the answer as numbers, as a search writes them.
         clearance: metres; the clearance in question.
-        ended: whether the search came to an end before its budget did, or the room for parts of
-            surfaces.
+        ended: whether the search came to an end before its budget, or its room for parts of
+            surfaces, was used up.
     """
 
     row: NDArray[np.float64]
@@ -31,7 +31,7 @@ class Clearance:
 
     @property
     def within(self) -> bool:
-        """False only where it is certain that the surfaces are farther apart than asked.
+        """False only if the surfaces are certainly farther apart than `clearance`.
 
         True if they are as near, or if rounding or the end of the budget leaves that open; see
         `decided`.
@@ -55,7 +55,7 @@ class Clearance:
 
     @property
     def point_a(self) -> NDArray[np.float64]:
-        """(3,) metres, world; witness on a, as near as asked where `within` is decided."""
+        """(3,) metres, world; witness on a. It is as near as asked if `within` is a decided yes."""
         return witness_points(self.row)[0]
 
     @property
@@ -70,7 +70,7 @@ class Clearance:
 
     @property
     def primitive_tests(self) -> int:
-        """Triangle pairs tested."""
+        """Pairs of elements tested, such as triangles."""
         return int(self.row[index.TESTS + 1])
 
     def __repr__(self) -> str:
@@ -86,11 +86,11 @@ class Collision:
     """Whether two surfaces touch or cross: no, yes, or not known in time.
 
     Attributes:
-        row: (ANSWER,) the answer as numbers in a row, as a search writes them.
-        met: the elements that touch or cross; contacts are made of them when they are read.
-        complete: whether the search came to an end before its budget did, or the room for parts of
-            surfaces. Then the answer is decided and, if all contacts were wanted, none is missing
-            and each is one.
+        row: (ANSWER,) the answer as numbers, as a search writes them.
+        met: the elements that touch or cross; contacts are made from them when they are read.
+        complete: whether the search came to an end before its budget, or its room for parts of
+            surfaces, was used up. Then the answer is decided and, if all contacts were wanted, none
+            is missing and each is a true contact.
     """
 
     row: NDArray[np.float64]
@@ -99,7 +99,7 @@ class Collision:
 
     @property
     def colliding(self) -> bool:
-        """False only where it is certain that they do neither.
+        """False only if the surfaces certainly neither touch nor cross.
 
         True if they do, or if rounding or the end of the budget leaves that open; see `decided`.
         """
@@ -114,30 +114,30 @@ class Collision:
     def contacts(self) -> NDArray[np.int32]:
         """(k, 2) int32; elements of a and of b that touch or cross: triangles, patches, curves.
 
-        One pair, or every pair where all of them were asked for and the answer is `complete`. Of a
-        surface, which is cut into some 512 Bezier pieces or more, every pair of pieces counts: two
-        patches that cross along a curve are named once for each two pieces that meet on it, with
-        one of their points. So are pieces of which the room for parts did not suffice to tell.
+        One pair; or every pair, if all were asked for and the answer is `complete`. A surface is
+        cut into some 512 Bezier pieces or more, and every pair of pieces counts. So two patches
+        that cross along a curve are named once for each two pieces that meet on it, with one of
+        their points. Pieces that the search could not decide about for lack of room are named, too.
         """
         return self._found[0]
 
     @property
     def points(self) -> NDArray[np.float64]:
-        """(k, 3) metres, world; a point of each contact, on both surfaces to rounding.
+        """(k, 3) metres, world; a point of each contact, on both surfaces up to rounding.
 
-        It lies on a, if the surfaces touch only because the models may deviate.
+        If the surfaces touch only because the models may deviate, it lies on a.
         """
         return self._found[1]
 
     @property
     def normals(self) -> NDArray[np.float64]:
-        """(k, 3) unit vectors, world; the way from a to b of each contact.
+        """(k, 3) unit vectors, world; the normal of each contact, from a to b.
 
-        Pushing b along it separates the two. Where balls touch, it is the line of their centres.
-        Else it is the outward normal of a's triangle or the inward normal of b's, whichever parts
-        the two triangles sooner; the order of their corners says which way is outward. A piece of a
-        surface has the normal of that point for it. For segments and curves that cross it is
-        perpendicular to both, and for points that coincide it is zero.
+        Pushing b along it separates the two. If balls touch, it is the line of their centres.
+        Otherwise it is the outward normal of a's triangle or the inward normal of b's, whichever
+        parts the two triangles sooner; the order of corners says which way is outward. A piece of a
+        surface uses its normal at the contact. For segments and curves that cross, the normal is
+        perpendicular to both; for points that coincide it is zero.
         """
         return self._found[2]
 
@@ -154,7 +154,7 @@ class Collision:
 
     @property
     def primitive_tests(self) -> int:
-        """Triangle pairs tested."""
+        """Pairs of elements tested, such as triangles."""
         return int(self.row[index.TESTS + 1])
 
     def __repr__(self) -> str:

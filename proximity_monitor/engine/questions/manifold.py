@@ -17,24 +17,24 @@ from .run import Divided, Search, least
 class Manifold:
     """Every pair of parts of two models that may hold their minimum distance: none is missing.
 
-    A part is one triangle; a rectangle of parameters of a patch, or an interval of a curve's; or
-    all under a volume that the search did not look into because the budget was over or the
-    tolerance did not require it (Johnson and Cohen 1997, section 3.1.3). So rectangles are no
-    larger than the tolerances demand, and a continuum is covered by many (section 3.1.2, figure 9).
+    A part is one triangle; a rectangle of parameters of a patch, or an interval of those of a
+    curve; or all elements under a volume that the search did not open because the budget was over
+    or the tolerance did not require it (Johnson and Cohen 1997, section 3.1.3). So rectangles are
+    no larger than the tolerances demand, and many cover a continuum (section 3.1.2, figure 9).
 
     Attributes:
         lower: (k,) metres; certified lower bound of each pair's distance.
-        upper: (k,) metres; certified upper bound of it. Infinite where no point is known to be left
-            of a part by trimming loops.
-        ranges_a: (k, 2) int32; the part of a of each pair: first, and one after the last, among
+        upper: (k,) metres; certified upper bound of it. Infinite if no point of a part is known
+            that trimming loops leave.
+        ranges_a: (k, 2) int32; each pair's part of a: first, and one after the last, among
             `faces_a`.
         ranges_b: (k, 2) int32; the same of b.
-        faces_a: (m,) int32; a's faces by index, those of a part in a row. Of a surface, its patches
-            and curves.
+        faces_a: (m,) int32; a's faces by index, those of one part side by side. For a surface, its
+            patches and curves.
         faces_b: (n,) int32; the same of b.
-        rectangles_a: (m, 2, 2); of a surface, the lowest u and v and the highest of each row, in
-            the parameters of its patch. Of a curve v is 0; where trimming loops cross a rectangle,
-            what they leave counts. None of a mesh.
+        rectangles_a: (m, 2, 2); for a surface, the lowest u and v and the highest of each row, in
+            the parameters of its patch. For a curve, v is 0. If trimming loops cross a rectangle,
+            only what they leave belongs to the part. None for a mesh.
         rectangles_b: (n, 2, 2) or None; the same of b.
     """
 
@@ -52,16 +52,16 @@ class Manifold:
         return len(self.lower)
 
     def faces(self, i: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-        """Which faces of a and which of b make up pair i."""
+        """Return the faces of a and the faces of b that make up pair i."""
         (first_a, last_a), (first_b, last_b) = self.ranges_a[i], self.ranges_b[i]
         return self.faces_a[first_a:last_a], self.faces_b[first_b:last_b]
 
     def extents(self) -> tuple[dict[int, NDArray[np.float64]], dict[int, NDArray[np.float64]]]:
-        """How far all parts reach in the parameters of each patch or curve of a, and of b.
+        """Find how far all parts reach in the parameters of each patch or curve of a, and of b.
 
         Returns:
-            For either model, by the patch: (2, 2), the lowest u and v and the highest. Of a mesh
-            none.
+            For either model, by the patch: (2, 2), the lowest u and v and the highest. Empty for a
+            mesh.
         """
         return (
             _extents(self.ranges_a, self.faces_a, self.rectangles_a),
@@ -69,7 +69,7 @@ class Manifold:
         )
 
     def subset(self, pairs: NDArray[np.int64]) -> Manifold:
-        """Some of its pairs, by their places."""
+        """Return a manifold of some of the pairs, by their positions."""
         return replace(
             self,
             lower=self.lower[pairs],
@@ -82,10 +82,10 @@ class Manifold:
 def _extents(
     ranges: NDArray[np.int32], faces: NDArray[np.int32], rectangles: NDArray[np.float64] | None
 ) -> dict[int, NDArray[np.float64]]:
-    """What `Manifold.extents` returns of one model."""
+    """Return what `Manifold.extents` returns for one model."""
     if rectangles is None or not len(ranges):
         return {}
-    # A row takes part where more ranges have begun than ended.
+    # A row belongs to some part if more ranges have begun than ended there.
     begun = np.bincount(ranges[:, 0], minlength=len(faces) + 1)
     rows = np.flatnonzero(np.cumsum(begun - np.bincount(ranges[:, 1], minlength=len(begun)))[:-1])
     own = faces[rows]
@@ -109,26 +109,25 @@ class Candidates:
     """
 
     hierarchies: tuple[Hierarchy, Hierarchy]
-    """As the search saw them: a model may be refitted later."""
+    """The hierarchies as the search saw them: a model may be refitted later."""
     blocks: tuple[NDArray[np.float64], ...]
     """Rows of `State.collected`."""
     pending: tuple[NDArray[np.int32], NDArray[np.float64]]
-    """Pairs of volumes that the search did not look into: lanes (k, 2), bounds (k,) in metres."""
+    """Pairs of volumes that the search did not open: lanes (k, 2), bounds (k,) in metres."""
     divided: Divided | None
-    """Pairs of parts of elements; None where none are divided."""
+    """Pairs of parts of elements; None if no elements are divided."""
     motion: NDArray[np.float64]
     """(12,) from b to a."""
     progress: np.void
-    """How far the search was, as PROGRESS."""
+    """The state of the search, as PROGRESS."""
     made: list[Regions] = field(default_factory=list)
-    """Of both models, once they were needed."""
+    """The regions of both models; empty until they are needed."""
 
     def manifold(self) -> Manifold:
-        """Every pair whose lower bound is not above the upper bound of the search.
+        """Make the manifold: every pair whose lower bound is not above the search's upper bound.
 
-        Those are the pairs of triangles whose distance was found, the pairs of parts of surfaces
-        and of volumes that were left alone, and, if the search was cut, those that it did not
-        reach.
+        These are pairs of triangles whose distance was found, pairs of parts of surfaces and of
+        volumes that the search left alone, and, if it was cut, those that it did not reach.
         """
         progress = self.progress
         slack, offsets = progress["slack"], (progress["radii"], progress["deviations"])
@@ -163,7 +162,7 @@ class Candidates:
         )
 
     def solution_set(self, manifold: Manifold) -> tuple[Manifold, ...]:
-        """The groups of its pairs that are certainly apart, those of the least bounds first."""
+        """Split a manifold into groups that are certainly apart, in the order of their bounds."""
         if not len(manifold):
             return ()
         groups = groups_of(self._sides(), (manifold.ranges_a, manifold.ranges_b))
@@ -178,10 +177,10 @@ class Candidates:
         return a, b
 
     def _apart(self, of_a: Ranges, of_b: Ranges, first: int) -> NDArray[np.float64]:
-        """Distances of a point of either region of the pairs from `first` on, metres.
+        """Return the distance of one point of either region, for the pairs from `first` on, metres.
 
-        The nearest points of a pair are no farther apart, so this bounds their distance from above;
-        it is infinite where no point is known. It errs by no more than the distances of elements.
+        It bounds the distance of a pair from above. It is infinite if no point of a region is
+        known. It errs by no more than the distances of elements.
         """
         a, b = self._sides()
         p, q = a.points(of_a[first:]), b.points(of_b[first:])
@@ -191,7 +190,7 @@ class Candidates:
 
 
 def candidates(search: Search) -> Candidates:
-    """Take from a collecting search all that it knows at this moment."""
+    """Take from a search that collects all that it knows at this moment."""
     a, b = search.models
     return Candidates(
         (a._hierarchy, b._hierarchy),

@@ -1,4 +1,4 @@
-"""Two models whose last answer is remembered: frame-to-frame coherence and resumable searches."""
+"""Two models and the memory of their last answer: frame-to-frame coherence, resumable searches."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ from .touching import PieceSearch
 
 
 class Pair:
-    """Two models that are asked about again and again.
+    """Two models that are asked about repeatedly.
 
-    The nearest triangles of one call are tried first in the next (Larsen et al. 1999, section 6.2),
-    and so is the centre of the largest ball inside both. A search that ran out of time goes on when
+    Each call first tries the nearest triangles of the last call (Larsen et al. 1999, section 6.2),
+    and the centre of the last largest ball inside both. A search that ran out of time goes on when
     the same question is asked again. Volumes that were too far apart are not opened again until the
     models may have moved far enough to matter.
 
     A Pair belongs to one thread at a time; the models may be shared. A copy of a Pair, pickled or
-    not, starts from the nearest triangles that this one found, and has a memory of its own.
+    not, starts from the nearest triangles that this one found, and has its own memory.
 
     Args:
         a: the first model.
@@ -44,7 +44,7 @@ class Pair:
             each other, as along a path.
 
     Raises:
-        TypeError: a model that is none.
+        TypeError: `a` or `b` is no model.
     """
 
     __slots__ = ("_asked", "_begin_with", "_pieces", "_search", "_signed", "a", "b")
@@ -54,7 +54,7 @@ class Pair:
         self.a, self.b = check_model(a, "a"), check_model(b, "b")
 
     def _remember(self, order: Order, coherent: bool, nearest: tuple[int, int] = (0, 0)) -> None:
-        """Know nothing but how the first search is to begin: it is made when it is needed."""
+        """Forget everything but how the first search begins; it is made when it is needed."""
         self._begin_with = order, coherent, nearest
         self._search: Search | None = None
         self._asked: tuple[object, ...] | None = None
@@ -62,7 +62,7 @@ class Pair:
         self._signed: SignedSearch | None = None
 
     def __reduce__(self) -> tuple[Callable[..., Pair], tuple[Any, ...]]:
-        """Make another pair that begins with what this one found."""
+        """Make another pair that begins with the nearest elements that this one found."""
         known = self._begin_with
         if self._search is not None:
             known = self._search.order, self._search.coherent, self._search.nearest
@@ -80,7 +80,7 @@ class Pair:
         manifold: bool = False,
         param_err: float | None = None,
     ) -> Distance:
-        """Minimum distance at two poses; see `engine.distance`."""
+        """Find the minimum distance at two poses; see `engine.distance`."""
         start = perf_counter()
         rel_err = check_tolerance("rel_err", rel_err)
         abs_err = check_tolerance("abs_err", abs_err)
@@ -106,22 +106,22 @@ class Pair:
         rel_err: float = 0.0,
         abs_err: float = 0.0,
     ) -> Distance:
-        """The answer of `distance`, by the search that is given the true distance beforehand.
+        """Answer as `distance` does, by a search that is given the true distance beforehand.
 
-        A diagnostic: its `bound_tests` and `primitive_tests` are the fewest that can prove the
-        answer with these hierarchies from nothing but these poses (Larsen et al. 1999, section 7),
-        and `elapsed_s` is the time of that search alone. What this Pair remembers, which may spare
-        some of them, is not used and left as it is.
+        This is a diagnostic. Its `bound_tests` and `primitive_tests` are the fewest that can prove
+        the answer with these hierarchies from these poses alone (Larsen et al. 1999, section 7).
+        `elapsed_s` is the time of that search alone. It neither uses nor changes what this Pair
+        remembers, which may spare some of the tests.
 
         Raises:
-            ValueError: a pose that is no rigid motion, a tolerance that is negative or NaN.
+            ValueError: a pose is no rigid motion, or a tolerance is negative or NaN.
         """
         rel_err = check_tolerance("rel_err", rel_err)
         abs_err = check_tolerance("abs_err", abs_err)
         pose_a, pose_b = as_pose(pose_a, "pose_a"), as_pose(pose_b, "pose_b")
         search = Search(self.a, self.b, coherent=False)
         search.run(pose_a, pose_b)
-        # The next begins with the distance of the triangles that this one found.
+        # The second run begins with the distance of the triangles that the first one found.
         start = perf_counter()
         search.run(pose_a, pose_b, rel_err=rel_err, abs_err=abs_err)
         return distance_of(search.answer, start, None, search.kinds)
@@ -136,7 +136,7 @@ class Pair:
         depth_err: float = 0.01,
         budget_s: float | None = None,
     ) -> Distance:
-        """Signed distance at two poses; see `engine.signed_distance`."""
+        """Find the signed distance at two poses; see `engine.signed_distance`."""
         start = perf_counter()
         rel_err = check_tolerance("rel_err", rel_err)
         abs_err = check_tolerance("abs_err", abs_err)
@@ -148,20 +148,20 @@ class Pair:
         return search.ask(start, pose_a, pose_b, rel_err, abs_err, depth_err, budget_s)
 
     def signed_search(self) -> SignedSearch:
-        """The search for signed distances, with what it remembers."""
+        """Return the search for signed distances, with its memory; make it when first needed."""
         if self._signed is None:
-            # With searches of its own: questions of either kind leave those of the other alone.
+            # It has its own Pair, so that signed and unsigned questions keep separate memories.
             _, coherent, _ = self._begin_with
             self._signed = SignedSearch(self.a, self.b, Pair(self.a, self.b, coherent=coherent))
         return self._signed
 
     def take_memory(self) -> None:
-        """Take the memory of a search now, which otherwise waits for the first question."""
+        """Take the memory of a search now, and not only at the first question."""
         if self._search is None:
             self._begin_search()
 
     def begin_at(self, nearest: tuple[int, int]) -> None:
-        """Let the next search begin anew, with two elements, in tree order."""
+        """Let the next search begin afresh, from two elements, in tree order."""
         self._asked = None
         if self._search is None:
             self._begin_with = *self._begin_with[:2], nearest
@@ -176,7 +176,7 @@ class Pair:
         *,
         budget_s: float | None = None,
     ) -> Clearance:
-        """Whether the surfaces may be as near as `clearance`; see `engine.within`."""
+        """Find whether the surfaces may be as near as `clearance`; see `engine.within`."""
         start = perf_counter()
         clearance = check_tolerance("clearance", clearance)
         pose_a, pose_b = as_pose(pose_a, "pose_a"), as_pose(pose_b, "pose_b")
@@ -193,7 +193,7 @@ class Pair:
         all_contacts: bool = False,
         budget_s: float | None = None,
     ) -> Collision:
-        """Whether the surfaces touch or cross; see `engine.collide`."""
+        """Find whether the surfaces touch or cross; see `engine.collide`."""
         start = perf_counter()
         pose_a, pose_b = as_pose(pose_a, "pose_a"), as_pose(pose_b, "pose_b")
         limit = math.ulp(0.0)
@@ -241,7 +241,7 @@ class Pair:
     ) -> int:
         """Search as `Search.run` does, within a budget that began at `start` of perf_counter.
 
-        If the last search was cut and had the very same question, this one goes on.
+        If the last search was cut and had exactly the same question, continue it.
         """
         fresh, asked, deadline = True, None, None
         if budget_s is not None:
@@ -253,12 +253,12 @@ class Pair:
         self._asked = None
         code = search.run(
             pose_a, pose_b, rel_err, abs_err, stop, limit, deadline, fresh, collect, param_err
-        )  # by name it would take a tenth of a microsecond more
+        )  # keyword arguments would take a tenth of a microsecond more
         self._asked = asked
         return code
 
     def _begin_search(self, order: Order | None = None) -> Search:
-        """Search in this order from now on; the remembered triangles stay."""
+        """Make a search in this order, which keeps the remembered nearest elements; return it."""
         last, coherent, nearest = self._begin_with
         if self._search is not None:
             coherent, nearest = self._search.coherent, self._search.nearest
@@ -269,7 +269,7 @@ class Pair:
 def _pair_of(
     kind: type[Pair], a: Model, b: Model, known: tuple[Order, bool, tuple[int, int]]
 ) -> Pair:
-    """A pair with a memory of its own."""
+    """Make a pair with its own memory; `known` is how its first search begins."""
     pair = kind.__new__(kind)
     pair.a, pair.b = a, b
     pair._remember(*known)
@@ -277,5 +277,5 @@ def _pair_of(
 
 
 def _is_whole(search: Search, code: int) -> bool:
-    """Whether a search came to an end, neither cut by a budget nor short of room for parts."""
+    """Return whether a search came to an end: no budget cut it, and its room for parts sufficed."""
     return bool(code == index.ENDED and search.answer[index.STATUS] != index.OUT_OF_TIME)

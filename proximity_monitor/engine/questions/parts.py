@@ -1,4 +1,4 @@
-"""Whether a part of one model lies inside another whose surface it does not meet: in slices."""
+"""Whether a part of one model lies inside another, if their surfaces do not meet: in slices."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from .slices import slices_until
 
 
 class PartSearch:
-    """The memory of a search for such a part at two poses.
+    """A search for such a part at two poses, and its memory.
 
     Args:
         models: two.
         poses: two (4, 4), model to world.
-        regions: where the models have an inside; none has holes.
+        regions: where either model has an inside; neither has holes.
     """
 
     __slots__ = (
@@ -37,7 +37,8 @@ class PartSearch:
     )
 
     part: tuple[int, int] | None
-    """The model whose part may lie inside the other, and a triangle of that part, if any does."""
+    """The number of the model whose part may lie inside the other, and a triangle of that part; or
+    None if no such part is known."""
 
     def __init__(
         self,
@@ -59,14 +60,14 @@ class PartSearch:
 
     @property
     def points(self) -> int:
-        """How many points were tested for their side: one of each part."""
+        """Points tested, one of each part; a model of more than `contain.FEW` parts counts 1."""
         return int(self._progress[:, 0].sum())
 
     def search(self, apart: float, deadline: float) -> bool | None:
-        """Whether a part may lie inside, if the surfaces are `apart` metres or more apart.
+        """Find whether a part may lie inside, if the surfaces are at least `apart` metres apart.
 
-        None if the deadline came first; one slice at least is searched. Surfaces so close that
-        rounding hides their gap may touch: then the answer is yes, but no part is known.
+        Search at least one slice; return None if the deadline came first. Surfaces so close that
+        rounding hides their gap may touch: then the answer is True, but no part is known.
         """
         if not apart > 4.0 * self._slack:
             return True

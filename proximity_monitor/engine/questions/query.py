@@ -1,4 +1,4 @@
-"""The questions, asked once; `Pair` asks them again and again."""
+"""The questions, for a single call; use `Pair` to ask them repeatedly."""
 
 from __future__ import annotations
 
@@ -28,10 +28,11 @@ def distance(
     manifold: bool = False,
     param_err: float | None = None,
 ) -> Distance:
-    """Minimum distance between two surfaces, with certified bounds and witness points.
+    """Find the minimum distance between two surfaces, with certified bounds and witness points.
 
-    Zero where the surfaces touch or cross. A search goes on until the bounds agree to rounding, or
-    a tolerance or the budget allows it to stop (Larsen et al. 1999, sections 3 and 5.3, eq. 4).
+    It is zero if the surfaces touch or cross. The search goes on until the bounds agree up to
+    rounding, or a tolerance or the budget lets it stop (Larsen et al. 1999, sections 3 and 5.3,
+    eq. 4).
 
     Args:
         a: first model.
@@ -40,34 +41,34 @@ def distance(
         pose_b: (4, 4) model to world, metres.
         rel_err: stop when upper <= (1 + rel_err) · true distance.
         abs_err: metres; stop when upper <= true distance + abs_err, whichever is reached first.
-        budget_s: seconds; stop with certified bounds when they are over. None: no limit. At least
-            some microseconds' work is done, so asking a `Pair` again and again comes to an end with
-            any budget.
+        budget_s: seconds; stop with certified bounds when the budget ends. None: no limit. Each
+            call does at least some microseconds of work, so repeated calls to a `Pair` come to an
+            end with any budget.
         order: for the study of searches; the default suits nearly every use. "depth_first" takes
             the nearer child first, with the least bookkeeping. "priority" takes the nearest of all
             pairs that are left (section 6.1), which needs fewer tests if no good answer is known
             beforehand. "breadth_first" bounds all pairs of one level of the hierarchies before the
             next (Johnson and Cohen 1997, section 3.1.1), so its lower bound rises, and a manifold
-            shrinks, everywhere alike. Its first question about a mesh chooses some vertices
+            shrinks, evenly everywhere. Its first question about a mesh chooses some vertices
             beforehand, which takes 5 ms for 100,000 triangles and which no budget cuts.
-        manifold: give every pair of triangles, or of parts of parametric surfaces, that may hold
-            the minimum, with all ties and, where surfaces intersect, all contacts:
+        manifold: collect every pair of triangles, or of parts of parametric surfaces, that may hold
+            the minimum, with all ties and, if surfaces intersect, all contacts:
             `Distance.manifold`, and in groups `Distance.solution_set`. If the search is cut, or
-            leaves pairs of volumes alone because of a tolerance, these pairs are in it as well.
-        param_err: of parametric surfaces: go on until no part in the manifold, which this implies,
-            is longer than that in u or v, in the units of its patch's knots; such parts are all
-            that is left of both surfaces. So the parameters of a nearest pair that stands alone
-            are known to a few times that, or some dozens where one is worth little, as near a pole:
-            `Manifold.extents` says how well. A continuum is covered by parts of that size, while
-            there is room for them.
+            leaves pairs of volumes alone because of a tolerance, it contains these pairs as well.
+        param_err: for parametric surfaces; implies `manifold`. Go on until no part in it is longer
+            than `param_err` in u or v, in the units of its patch's knots. Nothing but such parts is
+            left of both surfaces. So the parameters of a nearest pair that stands alone are known
+            to a few times `param_err`, or to some dozens of times if a parameter moves the point
+            little, as near a pole: `Manifold.extents` says how well. Parts of that size cover a
+            continuum, as long as there is room for them.
 
     Returns:
         The bounds, in metres, witness points and why the search stopped.
 
     Raises:
-        TypeError: a model that is none, a tolerance or budget that is no real number.
-        ValueError: a pose that is no rigid motion, a tolerance or budget that is negative or NaN, a
-            `param_err` though neither model is a parametric surface.
+        TypeError: `a` or `b` is no model; a tolerance or budget is no real number.
+        ValueError: a pose is no rigid motion; a tolerance or budget is negative or NaN; `param_err`
+            is given though neither model is a parametric surface.
     """
     start = perf_counter()
     pair = Pair(a, b, coherent=False)
@@ -86,10 +87,10 @@ def within(
     *,
     budget_s: float | None = None,
 ) -> Clearance:
-    """Whether two surfaces may be as near as `clearance` metres (a tolerance query).
+    """Find whether two surfaces may be as near as `clearance` metres (a tolerance query).
 
-    Cheaper than `distance`: the first witness ends the search. False is certain. True means that a
-    witness is as near, or that rounding cannot exclude it.
+    This is cheaper than `distance`: the first witness ends the search. False is certain. True means
+    that a witness is as near, or that rounding cannot exclude one.
 
     Args:
         a: first model.
@@ -101,8 +102,8 @@ def within(
             True, because nothing excludes it.
 
     Raises:
-        TypeError: a model that is none, a clearance or budget that is no real number.
-        ValueError: a pose that is no rigid motion, a clearance or budget that is negative or NaN.
+        TypeError: `a` or `b` is no model; the clearance or budget is no real number.
+        ValueError: a pose is no rigid motion; the clearance or budget is negative or NaN.
     """
     start = perf_counter()
     pair = Pair(a, b, coherent=False)
@@ -118,7 +119,7 @@ def collide(
     all_contacts: bool = False,
     budget_s: float | None = None,
 ) -> Collision:
-    """Whether two surfaces touch or cross, and which of their elements do.
+    """Find whether two surfaces touch or cross, and which of their elements do.
 
     False is certain.
 
@@ -127,15 +128,15 @@ def collide(
         pose_a: (4, 4) model to world, metres.
         b: second model.
         pose_b: (4, 4) model to world, metres.
-        all_contacts: find every pair of touching triangles, or pieces of parametric surfaces, else
-            one; see `Collision.contacts`.
+        all_contacts: find every pair of touching triangles, or pieces of parametric surfaces;
+            otherwise one pair. See `Collision.contacts`.
         budget_s: as for `distance`. If it ends before anything is known, `Collision.decided` is
             False and `colliding` is True; if it ends before all contacts are found, `complete` is
             False.
 
     Raises:
-        TypeError: a model that is none, a budget that is no real number.
-        ValueError: a pose that is no rigid motion, a budget that is negative or NaN.
+        TypeError: `a` or `b` is no model; the budget is no real number.
+        ValueError: a pose is no rigid motion; the budget is negative or NaN.
     """
     start = perf_counter()
     pair = Pair(a, b, coherent=False)
@@ -144,7 +145,7 @@ def collide(
 
 
 def _left(budget_s: float | None, start: float) -> float | None:
-    """The rest of a budget that began at `start` of perf_counter."""
+    """Return the rest of a budget that began at `start` of perf_counter."""
     if budget_s is None:
         return None
     return max(check_tolerance("budget_s", budget_s) - (perf_counter() - start), 0.0)
@@ -161,21 +162,21 @@ def signed_distance(
     depth_err: float = 0.01,
     budget_s: float | None = None,
 ) -> Distance:
-    """Signed distance where a model is solid: positive apart, negative where they overlap.
+    """Find the signed distance of two models: positive if apart, negative if a solid overlaps.
 
     If nothing of one model lies inside the other, it is the minimum distance of their surfaces, as
     from `distance`. If two solids overlap, even one wholly inside the other, it is minus the
     **diameter of the largest ball that fits into both**. That is how far faces, or spheres, are
     pushed into each other. It is the same for every tessellation of a shape. It changes by no more
-    than the solids move. It is never more than the shortest translation that parts the solids: a
-    ball inside both and its copy, moved by that, have no common interior.
+    than the solids move. The depth is never more than the shortest translation that parts the
+    solids: a ball inside both and its copy, moved by that translation, have no common interior.
 
     For a solid and a surface it is the least signed distance of the surface's points to the solid:
     minus the **depth of the deepest point** if the surface reaches in. For two surfaces it is
-    `distance`. The argument `solid` of a model says whether it is a solid; by default it is if it
-    encloses a volume. `is_solid` tells, and `not_solid` says why not.
+    `distance`. The argument `solid` of a model says whether it is a solid; by default it is one if
+    it encloses a volume. `is_solid` tells whether it is, and `not_solid` says why not.
 
-    A point is inside a solid where the surface's winding number around it is not 0 (Jacobson et al.
+    A point is inside a solid if the surface's winding number around it is not 0 (Jacobson et al.
     2013, section 3, "Robust inside-outside segmentation using generalized winding numbers"). So
     faces may all point outward or all inward, overlapping parts make a union, and a part turned
     the other way inside another is a cavity. No ball crosses the surface as it is given, not even
@@ -183,8 +184,8 @@ def signed_distance(
 
     For a mesh with holes, `solid="robust"`, a point is inside if it lies within the sphere
     `centre`, `core_radius` and the box around all corners of its faces along the model's axes, and
-    its winding number is more than one half either way. The surface is still that of the triangles:
-    there is none across a hole, but whatever passes through a hole changes sides, and its signed
+    its winding number is more than one half either way. The surface is still that of the triangles.
+    There is none across a hole, but whatever passes through a hole changes sides, and its signed
     distance jumps.
 
     Args:
@@ -197,27 +198,27 @@ def signed_distance(
         depth_err: for models that overlap: stop when the bounds differ by at most depth_err ·
             depth. The depth of faces pushed into each other is found to rounding in any case. If
             the largest ball touches curved surfaces, a tenth of the error takes about twice as
-            long. A large one, as 1e3, asks for no more than whether they overlap.
-        budget_s: seconds; stop with certified bounds when they are over. None: no limit. The first
-            question about a mesh also finds out whether it is a solid, which takes some 15 ms for
-            100,000 triangles and which no budget cuts.
+            long. A large one, such as 1e3, asks only whether they overlap.
+        budget_s: seconds; stop with certified bounds when the budget ends. None: no limit. The
+            first question about a mesh also finds out whether it is a solid, which takes some 15 ms
+            for 100,000 triangles and which no budget cuts.
 
     Returns:
         The bounds, in metres: `lower <= signed distance <= upper`, whatever stopped the search.
-        The models are certainly apart if `lower > 0`, and certainly overlap if `upper < 0`. Then
-        -upper and -lower bound the depth, and the witness points are the points of both surfaces
-        nearest to the centre of the largest ball found; or the deepest point of a surface, and the
-        solid's point nearest to it. Else they are those of `distance`, and their distance bounds
-        the signed one from above.
+        The models are certainly apart if `lower > 0`, and certainly overlap if `upper < 0`. In the
+        second case -upper and -lower bound the depth, and the witness points are the points of both
+        surfaces nearest to the centre of the largest ball found; or the deepest point of a surface,
+        and the solid's point nearest to it. Otherwise the witness points are those of `distance`,
+        and their distance bounds the signed distance from above.
         `bound_tests` and `primitive_tests` are those of `distance`; every point whose depth was
-        tested counts as one of either.
-        Status INTERSECTING: the surfaces touch, or are so close that rounding or deviations cannot
-        tell; or the models overlap most next to a hole of a robust solid, or a whole region of a
-        parametric surface is deepest, where the bounds may stay wider than asked for. Any
-        other depth comes as EXACT, WITHIN_TOLERANCE or OUT_OF_TIME.
+        tested counts as one of each.
+        Status INTERSECTING: the surfaces touch, or are so close that rounding or deviations hide
+        whether they do; or the models overlap most next to a hole of a robust solid, or a whole
+        region of a parametric surface is deepest, so that the bounds may stay wider than asked for.
+        Any other depth has the status EXACT, WITHIN_TOLERANCE or OUT_OF_TIME.
 
     Raises:
-        ValueError: a pose that is no rigid motion, a tolerance or budget that is negative or NaN.
+        ValueError: a pose is no rigid motion; a tolerance or budget is negative or NaN.
     """
     start = perf_counter()
     pair = Pair(a, b, coherent=False)

@@ -1,4 +1,4 @@
-"""The regions of either model that take part in a manifold: where they are, and what they touch."""
+"""The regions of either model that take part in a manifold: their boxes, and which may touch."""
 
 from __future__ import annotations
 
@@ -15,38 +15,38 @@ from ..models.surface_hierarchy import SurfaceHierarchy
 
 Reals = NDArray[np.float64]
 Ranges = NDArray[np.int32]
-"""(k, 2) rows of a table of elements, or of parts of them: the first, and one after the last."""
+"""(k, 2) rows of a table of elements and parts of elements: the first, and one after the last."""
 
 
 class Regions(ABC):
-    """One side of a manifold: a table of elements, and of parts of them, some in a row a region.
+    """One side of a manifold: a table of elements and parts; a region is a range of its rows.
 
     Args:
         hierarchy: of the model.
     """
 
     elements: NDArray[np.int32]
-    """(n,) what they are called outside: triangles' faces; pieces' patches and curves."""
+    """(n,) the number of each row outside: a triangle's face; a piece's patch or curve."""
     rectangles: Reals | None
-    """(n, 2, 2) lowest and highest u and v of each in its patch; None of a mesh."""
+    """(n, 2, 2) lowest and highest u and v of each row in its patch; None for a mesh."""
 
     def __init__(self, hierarchy: Hierarchy) -> None:
         self.hierarchy = hierarchy
 
     @abstractmethod
     def own(self, numbers: NDArray[np.int32]) -> Ranges:
-        """The ranges of parts, by their numbers in a search."""
+        """Return the ranges of parts, given their numbers in a search."""
 
     @abstractmethod
     def points(self, ranges: Ranges) -> Reals:
-        """A point of each region (k, 3), metres; NaN where none is known."""
+        """Return a point of each region (k, 3), metres; NaN if none is known."""
 
     @abstractmethod
     def _boxes(self) -> Reals:
-        """The box of each row of the table (n, 6), metres: least x, y, z and largest."""
+        """Return the box of each row of the table (n, 6), metres: least x, y, z and largest."""
 
     def under(self, lanes: NDArray[np.int32]) -> Ranges:
-        """Ranges of the elements under volumes."""
+        """Return the ranges of the elements under volumes."""
         children = self.hierarchy.tree.children[lanes]
         leaves = children < 0
         alone = np.stack((first_of.py_func(children), last_of.py_func(children) + 1), axis=1)
@@ -54,7 +54,7 @@ class Regions(ABC):
         return np.where(leaves[:, None], alone, nodes)
 
     def boxes(self, ranges: Ranges) -> Reals:
-        """The box of each region (k, 6), metres."""
+        """Return the box of each region (k, 6), metres."""
         rows = self._boxes()
         rows = np.concatenate((rows, rows[-1:]))  # the last range may end with the table
         ends = ranges.astype(np.int64).ravel()
@@ -63,18 +63,18 @@ class Regions(ABC):
 
 
 class Triangles(Regions):
-    """Of a mesh: the table is that of its triangles, none of which is divided."""
+    """The regions of a mesh. The table holds its triangles, none of which is divided."""
 
     def __init__(self, hierarchy: Hierarchy) -> None:
         super().__init__(hierarchy)
         self.elements, self.rectangles = hierarchy.numbers, None
 
     def own(self, numbers: NDArray[np.int32]) -> Ranges:
-        """Of one triangle each."""
+        """Return ranges of one triangle each."""
         return _one(numbers)
 
     def points(self, ranges: Ranges) -> Reals:
-        """The first vertex of the first triangle."""
+        """Return the first vertex of the first triangle."""
         return self.hierarchy.tree.triangles[ranges[:, 0], :3]
 
     def _boxes(self) -> Reals:
@@ -83,11 +83,11 @@ class Triangles(Regions):
 
 
 class SurfaceParts(Regions):
-    """Of a surface: the table is that of its whole pieces, and then of parts of pieces.
+    """The regions of a surface. The table holds its whole pieces, and then parts of pieces.
 
     Args:
         hierarchy: of the model.
-        cells: (m,) CELL, those that a search made.
+        cells: (m,) CELL, the parts that a search made.
     """
 
     def __init__(self, hierarchy: SurfaceHierarchy, cells: NDArray) -> None:
@@ -106,11 +106,11 @@ class SurfaceParts(Regions):
         self.rectangles = found.reshape(-1, 2, 2)
 
     def own(self, numbers: NDArray[np.int32]) -> Ranges:
-        """Of one part each."""
+        """Return ranges of one part each."""
         return _one(numbers + np.int32(len(self.hierarchy.numbers)))
 
     def points(self, ranges: Ranges) -> Reals:
-        """The middle of the first part, unless trimming loops may have cut it off."""
+        """Return the middle of the first part; NaN if trimming loops may have cut it off."""
         return self._points[ranges[:, 0]]
 
     def _boxes(self) -> Reals:
@@ -118,17 +118,17 @@ class SurfaceParts(Regions):
 
 
 def regions_of(hierarchy: Hierarchy, cells: NDArray | None) -> Regions:
-    """Those of a model, some of whose elements a search has divided into cells."""
+    """Return the regions of a model; `cells` are those into which a search divided its elements."""
     if isinstance(hierarchy, SurfaceHierarchy) and cells is not None:
         return SurfaceParts(hierarchy, cells)
     return Triangles(hierarchy)
 
 
 def groups_of(sides: tuple[Regions, Regions], ranges: tuple[Ranges, Ranges]) -> list[NDArray]:
-    """The pairs of regions (k,), by their places, in groups that certainly do not touch.
+    """Return the positions of the pairs of regions, in groups that certainly do not touch.
 
-    Two pairs are in one group where boxes around their regions, widened by their own lengths, touch
-    on both models: what is left around one nearest pair may have gaps as large as its regions.
+    Two pairs are in one group if the boxes around their regions, each widened by its own length,
+    touch on both models. The regions left around one nearest pair may have gaps of their own size.
     """
     boxes = [_widened(side.boxes(own)) for side, own in zip(sides, ranges, strict=True)]
     spread = np.ptp(boxes[0][:, :3], axis=0)
@@ -140,11 +140,11 @@ def groups_of(sides: tuple[Regions, Regions], ranges: tuple[Ranges, Ranges]) -> 
 
 
 def _widened(boxes: Reals) -> Reals:
-    """Boxes (k, 6) that reach beyond others by the longest of their sides."""
+    """Return boxes (k, 6), each widened on all sides by the length of its longest side."""
     length = (boxes[:, 3:] - boxes[:, :3]).max(axis=1, keepdims=True)
     return np.concatenate((boxes[:, :3] - length, boxes[:, 3:] + length), axis=1)
 
 
 def _one(numbers: NDArray[np.int32]) -> Ranges:
-    """Ranges of one row each."""
+    """Return ranges of one row each."""
     return np.stack((numbers, numbers + np.int32(1)), axis=1)

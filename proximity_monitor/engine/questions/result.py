@@ -1,4 +1,4 @@
-"""The answers. Every one is certified: what it says holds whatever stopped the search."""
+"""The answers. Every one is certified: its bounds hold whatever stopped the search."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ class Status(Enum):
     EXACT = "exact"
     """The bounds differ only by rounding and by the models' deviations."""
     WITHIN_TOLERANCE = "within tolerance"
-    """upper <= (1 + rel_err) · true, or upper <= true + abs_err, deviations left out."""
+    """upper <= (1 + rel_err) · true, or upper <= true + abs_err, without the deviations."""
     OUT_OF_TIME = "out of time"
     """The budget ended first. The bounds hold, and the same Pair can go on."""
     INTERSECTING = "intersecting"
-    """The models cross or touch, or are so close that rounding or deviations cannot tell: lower is
-    0, or the least value that `signed_distance` can have."""
+    """The models cross or touch, or are so close that rounding or deviations hide whether they do:
+    lower is 0, or of a signed distance the least value that it can have."""
 
 
 STATUSES = tuple(Status)
-"""By the numbers that kernels have for them."""
+"""The members of Status, by the numbers that kernels use for them."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -42,13 +42,13 @@ class Distance:
     """Minimum distance of two surfaces: lower <= true distance <= upper.
 
     Attributes:
-        row: (ANSWER,) all that follows, in numbers, as a search writes them.
+        row: (ANSWER,) the numbers of the answer, as a search writes them.
         elapsed_s: seconds the search took.
-        candidates: the pairs that the `manifold` is made of, if it was asked for.
+        candidates: the pairs that the `manifold` is made from, if it was asked for.
         kinds: the kinds of the two models, which know their features.
     """
 
-    # A call takes a few microseconds, and making all these numbers would take another one.
+    # Fields are made when they are read: a call takes a few microseconds, and all fields take one.
     row: NDArray[np.float64]
     elapsed_s: float
     candidates: Candidates | None
@@ -56,7 +56,7 @@ class Distance:
 
     @cached_property
     def manifold(self) -> Manifold | None:
-        """Every pair that may hold the minimum, if they were asked for.
+        """Every pair that may hold the minimum; None if they were not asked for.
 
         It is made when it is first read, outside any budget: a millisecond for 20,000 pairs.
         """
@@ -64,12 +64,12 @@ class Distance:
 
     @cached_property
     def solution_set(self) -> tuple[Manifold, ...] | None:
-        """The manifold in groups: one of each nearest pair that stands alone, and each continuum.
+        """The manifold in groups: one for each nearest pair that stands alone, and each continuum.
 
-        Pairs are in one group where their parts are about as near to each other as they are long,
-        on both models, in space. So pairs of different groups are certainly apart; what is in one
-        group may not be connected. The one with the least bound is first. None where no manifold
-        was asked for. It is made when it is first read.
+        Two pairs are in one group if, on both models, their parts are about as near to each other
+        in space as they are long. So pairs of different groups are certainly apart, but a group may
+        not be connected. The group with the least bound is first. None if no manifold was asked
+        for. It is made when it is first read.
         """
         if self.candidates is None or self.manifold is None:
             return None
@@ -77,14 +77,14 @@ class Distance:
 
     @property
     def lower(self) -> float:
-        """Metres; certified lower bound; negative in answers of `signed_distance` alone."""
+        """Metres; certified lower bound; negative only in answers of `signed_distance`."""
         return float(self.row[index.LOWER])
 
     @property
     def upper(self) -> float:
-        """Metres; certified upper bound: the witness points' distance and what rounding did to it.
+        """Metres; certified upper bound: the distance of the witness points, and its rounding.
 
-        Negative in answers of `signed_distance` alone.
+        Negative only in answers of `signed_distance`.
         """
         return float(self.row[index.UPPER])
 
@@ -95,12 +95,12 @@ class Distance:
 
     @property
     def bound_tests(self) -> int:
-        """Bounding volumes tested against others, or against single points (approach.py)."""
+        """Bounding volumes tested against others, or against single points (search/approach.py)."""
         return int(self.row[index.TESTS])
 
     @property
     def primitive_tests(self) -> int:
-        """Triangle pairs tested."""
+        """Pairs of elements tested, such as triangles."""
         return int(self.row[index.TESTS + 1])
 
     @property
@@ -138,14 +138,14 @@ class Distance:
 class ClosestPoints:
     """The point of a surface nearest to each of many points.
 
-    A point beyond the `max_distance` that was asked for has that or more as its lower bound, and
-    one that the budget did not suffice for has 0; the upper bound of both is infinite. If signs
-    were asked for, a point so deep inside has -`max_distance` or less as its upper bound, and
-    unknown lower bounds are -infinity. The points and normals of all these are NaN and their
-    elements -1.
+    A point beyond the `max_distance` of the question has that or more as its lower bound. A point
+    that the budget did not suffice for has 0. The upper bound of both is infinite. If signs were
+    asked for, a point deeper inside than `max_distance` has -`max_distance` or less as its upper
+    bound, and unknown lower bounds are -infinity. The nearest points and normals of all these are
+    NaN, and their elements are -1.
 
     Attributes:
-        found: what the search wrote; a field is made of it when it is first read.
+        found: what the search wrote; each field is made from it when it is first read.
     """
 
     found: Nearest
@@ -161,7 +161,7 @@ class ClosestPoints:
 
     @cached_property
     def upper(self) -> NDArray[np.float64]:
-        """(k,) metres; certified upper bounds. Inside is certain where they are below 0."""
+        """(k,) metres; certified upper bounds. A point is certainly inside if its is below 0."""
         return self.found.upper()
 
     @cached_property
@@ -171,19 +171,19 @@ class ClosestPoints:
 
     @cached_property
     def elements(self) -> NDArray[np.int32]:
-        """(k,) int32; the elements of the model that they lie on: triangles, patches or curves."""
+        """(k,) int32; the elements on which these points lie: triangles, patches or curves."""
         return self.found.elements()
 
     @cached_property
     def parameters(self) -> NDArray[np.float64] | None:
-        """(k, 2) where on its element each lies; None: of a mesh, where the points tell it.
+        """(k, 2) where each point lies on its element; None for a mesh, whose points suffice.
 
-        On a patch u and v, within its knots; on a curve its parameter, and 0; of a solid of
-        revolution t on the curve of its profile, and theta, radians from 0 to 2 pi.
+        On a patch, u and v, within its knots; on a curve, its parameter, and 0; on a solid of
+        revolution, t on the curve of its profile, and theta, radians from 0 to 2 pi.
 
-        They are those of the point that was found. How far from those of the nearest point they
-        may be is not told: as the distance changes with their square, about the square root of
-        what the bounds differ by. `distance` has `param_err` for what must be certain.
+        They belong to the point that was found, and have no error bound. The distance changes with
+        their square, so they differ from those of the nearest point by about the square root of the
+        difference of the bounds. For certain parameters, `distance` has `param_err`.
         """
         return self.found.parameters()
 
@@ -194,25 +194,25 @@ class ClosestPoints:
 
     @cached_property
     def normals(self) -> NDArray[np.float64] | None:
-        """(k, 3) unit vectors, world; the surface's normals there, if they were asked for.
+        """(k, 3) unit vectors, world; the surface's normals at these points, if asked for.
 
-        That of the triangle points outward as the order of its corners says, and is zero where it
-        has no area. Of a model swept by a ball it is that of its surface.
+        The normal of a triangle points outward as the order of its corners says; it is zero if the
+        triangle has no area. For a model swept by a ball, it is the normal of the swept surface.
         """
         return self.found.normals()
 
 
 @dataclass(frozen=True, eq=False)
 class Distances:
-    """Minimum or signed distances, one row a pose or a pair of bodies; see `Distance`.
+    """Minimum or signed distances, one row for each pose or pair of bodies; see `Distance`.
 
     Attributes:
-        rows: (k, ANSWER) all that follows, in numbers, as searches write them. The status is NaN
+        rows: (k, ANSWER) the numbers of the answers, as searches write them. The status is NaN
             where nothing was searched.
     """
 
-    # As in `Distance`, fields are made when they are read: for thousands of rows that takes longer
-    # than a short budget lasts.
+    # As in `Distance`, fields are made when they are read: for thousands of rows, making them takes
+    # longer than a short budget lasts.
     rows: NDArray[np.float64]
 
     def __len__(self) -> int:
@@ -223,7 +223,7 @@ class Distances:
     def lower(self) -> NDArray[np.float64]:
         """(k,) metres; 0 where nothing was searched.
 
-        A signed distance is -infinity there, and may be so if `upper` decided about a clearance.
+        For a signed distance it is -infinity there, and may be so if `upper` decided the clearance.
         """
         return self.rows[:, index.LOWER]
 
@@ -244,7 +244,7 @@ class Distances:
 
     @cached_property
     def elements(self) -> NDArray[np.int32]:
-        """(k, 2); the models' elements on which the witness points lie, such as triangles.
+        """(k, 2); the elements of the models on which the witness points lie, such as triangles.
 
         -1 where nothing was searched.
         """
@@ -252,13 +252,13 @@ class Distances:
 
     @property
     def parameters(self) -> NDArray[np.float64]:
-        """(k, 2, 3) where on them; `Model.feature` tells."""
+        """(k, 2, 3) where the witness points lie on these elements; see `Model.feature`."""
         a, b = index.FEATURE_A, index.FEATURE_B
         return self.rows[:, [*range(a, a + 3), *range(b, b + 3)]].reshape(-1, 2, 3)
 
     @cached_property
     def hints(self) -> NDArray[np.int32]:
-        """(k, 2); where the next question to an `Assembly` may start; -1 for nowhere."""
+        """(k, 2); elements from which the next question to an `Assembly` may start; -1: none."""
         return self._integers((index.TREE_A, index.TREE_B), -1).astype(np.int32)
 
     @cached_property
@@ -273,12 +273,12 @@ class Distances:
 
     @cached_property
     def primitive_tests(self) -> NDArray[np.int64]:
-        """(k,) triangle pairs tested."""
+        """(k,) pairs of elements tested, such as triangles."""
         return self._integers(index.TESTS + 1, 0)
 
     @cached_property
     def searched(self) -> NDArray[np.bool_]:
-        """(k,) whether the budget allowed to look at the pair at all."""
+        """(k,) whether the budget sufficed to begin a search for the pair."""
         return ~np.isnan(self.rows[:, index.STATUS])
 
     @cached_property
@@ -286,15 +286,15 @@ class Distances:
         return witness_points(self.rows)
 
     def _integers(self, columns: int | tuple[int, ...], otherwise: int) -> NDArray[np.int64]:
-        """Columns of whole numbers; `otherwise` where nothing was searched."""
+        """Return columns of whole numbers; `otherwise` where nothing was searched."""
         chosen = self.rows[:, columns].copy()
         chosen[~self.searched] = otherwise
         return chosen.astype(np.int64)
 
     def within(self, clearance: ArrayLike) -> NDArray[np.bool_]:
-        """Whether the models may be as near as `clearance` metres, a number or (k,); (k,) bool.
+        """Return (k,) whether the models may be as near as `clearance` metres, a number or (k,).
 
         False is certain. If the question had this clearance, the answer is decided unless the
-        budget ended first; so with clearance 0 it says whether the models touch or cross.
+        budget ended first. So with clearance 0 it says whether the models touch or cross.
         """
         return self.lower <= np.asarray(clearance)

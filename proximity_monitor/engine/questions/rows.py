@@ -1,4 +1,4 @@
-"""Answers made of the rows that a search kernel wrote (see kernels/base/state.py)."""
+"""Makes answers from the rows that a search kernel wrote (see kernels/base/state.py)."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ _new = object.__new__
 def distance_of(
     row: NDArray[np.float64], start: float, candidates: Candidates | None, kinds: Kinds
 ) -> Distance:
-    """Make the answer of a row (ANSWER,), which it keeps; the question was asked at `start`.
+    """Make an answer from a row (ANSWER,), which it keeps; the question was asked at `start`.
 
-    `kinds` are those of the two models.
+    `kinds` are the kinds of the two models.
     """
-    # Its own __init__ has to get around the freeze for each field, and takes three times as long.
+    # The class's __init__ has to bypass the freeze for each field, and takes three times as long.
     answer = _new(Distance)
     fields = answer.__dict__
     fields["row"], fields["candidates"], fields["kinds"] = row, candidates, kinds

@@ -1,4 +1,4 @@
-"""Running the search kernel from Python: its memory, its slices, the clock."""
+"""Runs the search kernel from Python: its memory, its slices, the clock."""
 
 from __future__ import annotations
 
@@ -28,18 +28,18 @@ _ORDERS = {
 
 _BLOCK = 4096
 """Rows of a block of collected pairs. A full block is set aside and never copied again, so a slice
-takes no longer when much has been collected."""
+does not take longer when many pairs have been collected."""
 
 _NO_ANSWER = np.empty(0)
 
 
 def entry_for(a: Hierarchy, b: Hierarchy, order: Order = "depth_first") -> Callable:
-    """The compiled entry that answers queries about models with these hierarchies."""
+    """Return the compiled entry that answers queries about models with these hierarchies."""
     return ENTRIES[a.tree_kind, b.tree_kind][_ORDERS[order]]
 
 
 def check_model(model: Model, name: str) -> Model:
-    """The model, if it is one.
+    """Return the model, if it is one.
 
     Raises:
         TypeError: it is something else.
@@ -53,7 +53,7 @@ def check_model(model: Model, name: str) -> Model:
 
 
 def check_models(models: Iterable[Model]) -> tuple[Model, ...]:
-    """The models, if all of them are.
+    """Return the models, if all of them are models.
 
     Raises:
         TypeError: one is something else.
@@ -62,7 +62,7 @@ def check_models(models: Iterable[Model]) -> tuple[Model, ...]:
 
 
 def least(rows: NDArray[np.float64], slack: float) -> NDArray[np.float64]:
-    """Lower bounds (k,) of the distances of cores, metres, of rows (k, 3) of `State.collected`."""
+    """Return lower bounds (k,) of cores' distances, metres, of rows (k, 3) of `State.collected`."""
     return rows[:, 2] - np.where(rows[:, 0] >= 0.0, slack, 0.0)
 
 
@@ -72,35 +72,35 @@ class Cells(NamedTuple):
     bounds: NDArray[np.float64]
     """(k,) metres; a lower bound of each pair's distance."""
     pairs: NDArray[np.int32]
-    """(k, 2) a part of either model; of one without parts an element."""
+    """(k, 2) a part of either model; an element of a model without parts."""
     sides: tuple[NDArray, NDArray]
-    """(m,) CELL of either model; none if its elements are not divided."""
+    """(m,) CELL of either model; empty if its elements are not divided."""
 
 
 class Divided(NamedTuple):
-    """The same as a search keeps it: what sorting it out takes is for whoever reads it."""
+    """The data of `Cells` as a search keeps them; `cells` sorts them out when they are read."""
 
     pairs: tuple[NDArray, NDArray]
-    """CELL_PAIR, of the kernel's first and second model: waiting ones and others."""
+    """CELL_PAIR of the kernel's first and second model: those in the heap, those set aside."""
     sides: tuple[NDArray, NDArray]
-    """As those of `Cells`."""
+    """As in `Cells`."""
     turned: bool
-    """Whether the kernel's first model is the second one that was asked about."""
+    """Whether the kernel's first model is the second model of the question."""
 
     def cells(self) -> Cells:
-        """Sort it out."""
+        """Make the `Cells`."""
         names = ("b", "a") if self.turned else ("a", "b")
         bounds, *sides = (np.concatenate([e[k] for e in self.pairs]) for k in ("bound", *names))
         return Cells(bounds, np.stack(sides, axis=1), self.sides)
 
 
 class Search:
-    """The memory of a search over two models, and its last answers.
+    """The memory of a search over two models, and its last answer.
 
-    Of some kinds a kernel takes the second model for its first (see entries.py). Then its memory is
-    of b and a; its methods, and answers, are of a and b always.
+    For some kinds of models, a kernel takes the second model as its first (see entries.py). Then
+    the memory is about b and a. The methods and the answers are always about a and b.
 
-    Kernels find that memory by its addresses. So a copy, pickled or not, is another search over the
+    Kernels find the memory by its addresses. So a copy, pickled or not, is another search over the
     models; it begins with the nearest triangles of this one.
 
     Args:
@@ -110,7 +110,7 @@ class Search:
         coherent: whether successive poses of these two models are near each other, so that what
             one search finds out serves the next.
         nearest: the elements, in tree order, to begin with.
-        among: other models, no deeper than the two, that an entry may be called about with the
+        among: other models, no deeper than the two, about which an entry may be called with the
             same memory.
 
     Raises:
@@ -138,7 +138,7 @@ class Search:
         self.order = order
         first, second = a._hierarchy, b._hierarchy
         self._entry = entry_for(first, second, order)
-        # What lists or compares elements takes solids of revolution for their patches.
+        # To list or compare elements, this entry treats solids of revolution as their patches.
         trees = type(first.tree), type(second.tree)
         self._elements = ENTRIES[trees][_ORDERS[order]]
         self._turned = is_turned(*trees)
@@ -154,7 +154,7 @@ class Search:
 
     def __del__(self, give_back: Callable[[SearchMemory], None] = give_back) -> None:
         """Give the memory back; this may happen in any thread and while the program ends."""
-        if hasattr(self, "_own"):  # else its making failed
+        if hasattr(self, "_own"):  # else __init__ failed
             give_back(self._own)
 
     @property
@@ -164,7 +164,7 @@ class Search:
 
     @property
     def nearest(self) -> tuple[int, int]:
-        """The nearest triangles of the last answer, in tree order."""
+        """The nearest elements of the last answer, in tree order."""
         return self._as_asked(int(self.progress["element_a"]), int(self.progress["element_b"]))
 
     def begin_at(self, nearest: tuple[int, int]) -> None:
@@ -177,7 +177,7 @@ class Search:
         return self.state.motions[:: -1 if self._turned else 1]
 
     def _as_asked(self, one: Any, other: Any) -> tuple[Any, Any]:
-        """Two things that a kernel has of its models, of a and b; or the other way round."""
+        """Bring two things in the order of the kernel's models into that of a and b, or back."""
         return (other, one) if self._turned else (one, other)
 
     def __reduce__(self) -> tuple[type[Search], tuple[Any, ...]]:
@@ -186,7 +186,7 @@ class Search:
 
     def _keep(self, state: index.State) -> None:
         """Take the arrays of a search, and make the table by which kernels find them."""
-        # The new table is there before the old arrays are gone: Ctrl-C may come at any moment.
+        # Make the new table before the old arrays are gone: Ctrl-C may come at any moment.
         memory = state_table(state)
         self.state, self.memory = state, memory
 
@@ -209,17 +209,17 @@ class Search:
     ) -> int:
         """Answer at k poses, stacked (4 k, 4), and write into `answers` (k, ANSWER).
 
-        The answer about a single pose is `answer` if there is no such array.
+        Without `answers`, the answer about a single pose is `self.answer`.
 
-        Unless `fresh`, the search of the last run goes on. With `collect`, for one pose alone, it
-        collects every pair that may be as near as the upper bound, and ends only when it has them
-        all; parts of surfaces are divided until none is longer than `param_err` in u or v. `first`
+        Unless `fresh`, continue the search of the last run. With `collect`, which takes one pose,
+        collect every pair that may be as near as the upper bound, and end only when all are
+        collected; divide parts of surfaces until none is longer than `param_err` in u or v. `first`
         is the number of the first pose among many, for error messages. At least one slice is
-        searched. Returns ENDED; CUT if the deadline (of perf_counter) came first; or
-        another code if `stopped` was set meanwhile.
+        searched. Returns ENDED if all are answered. Otherwise the deadline (of perf_counter) came
+        first or `stopped` was set; then it returns the code of the last slice, such as CUT.
 
         Raises:
-            ValueError: a pose that is no rigid motion.
+            ValueError: a pose is no rigid motion.
         """
         a, b = self.models
         a, b = a._hierarchy, b._hierarchy
@@ -232,7 +232,7 @@ class Search:
             models[0], models[1] = self._known = tables
         collected = self._collecting
         if collect != collected and not (a.distinct is a.tree and b.distinct is b.tree):
-            self.state.far["key"] = index.NO_KEY  # too far were those pairs that it looked at
+            self.state.far["key"] = index.NO_KEY  # the remembered pairs are of the other tree
         if collect != collected:
             self._collecting = collect
             self._keep(self.state._replace(collected=np.empty((_BLOCK if collect else 0, 3))))
@@ -244,7 +244,7 @@ class Search:
             open_pairs = index.BreadthFirst(pairs, bounds, *corners)
             self._keep(self.state._replace(open=open_pairs))
         count = len(poses_a) // 4
-        # Of one row no view is made: each takes a tenth of a microsecond.
+        # Make no view of a single row: each view takes a tenth of a microsecond.
         self.answer = flat = np.empty(index.ANSWER) if answers is None else answers.ravel()
         own, entry = self._own, self._elements if collect else self._entry
         wanted = rel_err, abs_err, stop, limit, param_err
@@ -253,7 +253,7 @@ class Search:
             numbers[0], numbers[1], numbers[2], numbers[3], numbers[4] = wanted
             self._wanted = wanted
         row = 0
-        # At least one slice, so that asking again and again comes to an end.
+        # Search at least one slice, so that repeated calls come to an end.
         slices = slices_until(deadline)
         while True:
             code, row = entry(
@@ -289,10 +289,10 @@ class Search:
         fresh: bool,
         answers: NDArray[np.float64],
     ) -> tuple[int, int]:
-        """Answer the queries `row` and after it of a table of `count`, at one pose, in slices.
+        """Answer the queries from `row` on, of a table of `count`, at one pair of poses, in slices.
 
-        Unless `fresh`, the search about the first of them goes on. Returns ENDED and `count`; or
-        another code, and the number of the query that is not answered yet.
+        Unless `fresh`, continue the search about the first of them. Returns ENDED and `count`; or
+        another code, and the number of the first query that is not answered yet.
         """
         a, b = self.models
         models = self._own.models
@@ -308,25 +308,25 @@ class Search:
             fresh = code == index.CUT_BETWEEN
 
     def _make_room(self) -> None:
-        """Set aside the rows of the full block that still matter, and begin it anew."""
+        """Set aside the rows of the full block that still matter, and empty the block."""
         progress = self.progress
         rows = self.state.collected[: progress["collected"]]
         rows = rows[least(rows, progress["slack"]) <= progress["limit"]]
-        # The number last: Ctrl-C may come at any moment, and no row may be missing.
+        # Reset the number last: Ctrl-C may come at any moment, and no row may be lost.
         self._blocks.append(rows)
         progress["collected"] = 0
 
     def progress_now(self) -> np.void:
-        """How far the search is at this moment: a copy that no later search writes to."""
+        """Return the PROGRESS of the search at this moment: a copy that no search writes to."""
         return _copies(self.state.progress)[0][0]
 
     def collected(self) -> tuple[NDArray[np.float64], ...]:
-        """The rows of `State.collected` so far, in blocks that no search writes to any more."""
+        """Return the rows of `State.collected` so far, in blocks that no search writes to again."""
         blocks = *self._blocks, self.state.collected[: self.progress["collected"]].copy()
         return tuple(each[:, (1, 0, 2)] for each in blocks) if self._turned else blocks
 
     def divided(self) -> Divided | None:
-        """The pairs of cells that may hold the minimum: a copy; None where nothing is divided."""
+        """Copy the pairs of cells that may hold the minimum; return None if nothing is divided."""
         waiting = self.state.waiting
         if not isinstance(waiting, (index.Dividing, index.Turning)):
             return None
@@ -336,7 +336,7 @@ class Search:
         return Divided(_copies(heap, aside), self._as_asked(*_copies(*used)), self._turned)
 
     def pending(self) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
-        """The pairs of volumes not yet looked into: their lanes (k, 2) and lower bounds (k,)."""
+        """Return the pairs of volumes not yet opened: their lanes (k, 2) and lower bounds (k,)."""
         state, progress = self.state, self.progress
         lanes, lower, *_ = state.waiting
         waiting, ends = int(progress["waiting"]), int(progress["open"])
@@ -354,5 +354,5 @@ class Search:
 
 
 def _copies(*records: NDArray) -> tuple[NDArray, ...]:
-    """Copies of one-dimensional records; numpy's own, field by field, take ten times as long."""
+    """Copy one-dimensional records; numpy's own copy goes by field and takes ten times as long."""
     return tuple([np.frombuffer(each.tobytes(), each.dtype) for each in records])

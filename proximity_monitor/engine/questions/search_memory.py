@@ -1,4 +1,4 @@
-"""The memory of a search for a distance: what is open, what waits, what it remembers."""
+"""The memory of a search for a distance: open pairs, waiting pairs, and what it remembers."""
 
 from __future__ import annotations
 
@@ -38,37 +38,38 @@ Order = Literal["depth_first", "priority", "breadth_first"]
 
 _LIST = 1 << 20
 """Pairs that a search level by level has room for, a power of two: 16 MB, of which the system
-provides only the part that is used."""
+provides only the pages that are used."""
 
 _COHERENT = 1024
 """Pairs of volumes that are remembered as too far, a power of two: 32 kB."""
 
 _LEVELS = 16
-"""The stack has room for a multiple of so many levels: that serves models of most sizes."""
+"""The room of the stack is rounded up to a multiple of so many levels, so that models of most sizes
+share one kind of memory."""
 
 _PAIRS, _CELLS, _FEWEST, _BYTES = 1 << 15, 1 << 12, 1 << 8, 1 << 25
-"""Pairs of cells that there is room for; cells of a model, at most and at least, and bytes of their
-control points between these. Of all that the system provides only the part that is used."""
+"""Room for pairs of cells; room for parts of a model's elements, at most and at least; and bytes of
+their control points, which decide between the two. The system provides only the pages in use."""
 
 
 _RINGS, _ARCS = 1 << 15, 1 << 12
-"""Pairs of rings that there is room for, and arcs besides those of a tree; of either model."""
+"""Room for pairs of rings, and for arcs of either model besides those of its tree."""
 
 
 class CellRoom(NamedTuple):
-    """How much memory the cells of a model take whose elements are divided."""
+    """How much memory the cells of a model take, if its elements are divided."""
 
     cells: int
     width: int
-    """Numbers of a cell's control points."""
+    """Numbers that the control points of a cell take."""
     whole: int
     """How many of the cells may be whole elements."""
 
     @classmethod
     def of(cls, hierarchies: Iterable[Hierarchy], parts: int = _CELLS) -> CellRoom | None:
-        """Room for any one of them, and for so many parts of elements if that is not too much.
+        """Return room for the cells of any one model: all whole elements, and up to `parts` parts.
 
-        None if no elements are divided.
+        Returns None if no elements are divided.
         """
         divided = [each for each in hierarchies if each.cell_width]
         if not divided:
@@ -77,14 +78,14 @@ class CellRoom(NamedTuple):
         return _room(width, max([len(each.numbers) for each in divided]), parts)
 
 
-@lru_cache(maxsize=256)  # what is the same object is compared at once
+@lru_cache(maxsize=256)  # equal rooms are then one object, which is compared at once
 def _room(width: int, whole: int, parts: int) -> CellRoom:
-    # All whole elements must find room besides the parts of some.
+    # All whole elements must find room besides the parts.
     return CellRoom(min(parts, max(_BYTES // (8 * width), _FEWEST)) + whole, width, whole)
 
 
 def cells_for(wanted: CellRoom | None) -> tuple[NDArray, NDArray[np.float64], NDArray[np.int32]]:
-    """Cells, their control points, and which of them are whole elements."""
+    """Make room for cells, for their control points, and for the cell of each whole element."""
     if wanted is None:
         return np.empty(0, CELL), np.empty(0), np.empty(0, np.int32)
     cells, width, whole = wanted
@@ -92,18 +93,18 @@ def cells_for(wanted: CellRoom | None) -> tuple[NDArray, NDArray[np.float64], ND
 
 
 class SearchKind(NamedTuple):
-    """All that the sizes of a search's arrays depend on."""
+    """All that the array sizes of a search depend on."""
 
     order: Order
     coherent: bool
     levels: int
-    """Of both models together."""
+    """Levels of both models together, rounded up."""
     pairs: int
     """Pairs of volumes that may be open."""
     cells_a: CellRoom | None
     cells_b: CellRoom | None
     rings: bool
-    """Whether there is room for those of solids of revolution."""
+    """Whether there is room for the rings of solids of revolution."""
 
     @classmethod
     def of(
@@ -114,10 +115,10 @@ class SearchKind(NamedTuple):
         coherent: bool,
         among: Iterable[Model],
     ) -> SearchKind:
-        """The kind of a search over two models, or over any two of others no deeper than these."""
+        """Return the kind of a search over two models, or over any two of `among`."""
         levels = -(-(first.depth + second.depth) // _LEVELS) * _LEVELS
         # Opening a volume replaces one pair by at most sixteen, once for each level of either
-        # model; a priority queue that is full besides leaves all its pairs below.
+        # model. A priority queue that is full leaves all its pairs below, too.
         pairs = 1 + levels * (15 if order == "depth_first" else 15 + QUEUE)
         if order == "breadth_first":
             pairs = _LIST
@@ -125,7 +126,7 @@ class SearchKind(NamedTuple):
             either = CellRoom.of([model._hierarchy for model in among])
             rings = any(model._hierarchy.tree_kind is RevolutionTree for model in among)
             return cls(order, coherent, levels, pairs, either, either, rings)
-        # As `CellRoom.of`, which takes a microsecond.
+        # The same as `CellRoom.of`, which would take a microsecond.
         width_a, width_b = first.cell_width, second.cell_width
         cells_a = _room(width_a, len(first.numbers), _CELLS) if width_a else None
         cells_b = _room(width_b, len(second.numbers), _CELLS) if width_b else None
@@ -142,14 +143,14 @@ class SearchMemory(Memory):
     models: NDArray[np.int64]
     """(2, MODEL_ROWS, 2) room for the tables of two models."""
     numbers: memoryview
-    """The five numbers of the one query, about the bodies 0 and 1."""
+    """The five real numbers of the single query, which is about bodies 0 and 1."""
     asked: NDArray[np.int64]
     """The table of that query."""
     progress: np.void
     """`State.progress`."""
     state: index.State
     table: NDArray[np.int64]
-    """Of the state."""
+    """The table of the state."""
 
     def __init__(self, kind: SearchKind) -> None:
         super().__init__(kind)
@@ -160,7 +161,7 @@ class SearchMemory(Memory):
         self.models = np.empty((2, MODEL_ROWS, 2), np.int64)
         order, coherent, levels, capacity, *cells, rings = kind
         record = np.zeros(1, index.PROGRESS)
-        # A list of levels is full while there is still room for a search depth first (levels.py).
+        # A list of levels counts as full while a search depth first still fits (search/levels.py).
         record["full"] = capacity - 15 * levels - 16
         self.progress = record[0]
         pairs, bounds = room(2 * capacity, np.int32).reshape(-1, 2), room(capacity)
@@ -189,7 +190,7 @@ class SearchMemory(Memory):
         self._keep((*open_pairs, *waiting, far), record, motions)
 
     def clear(self) -> None:
-        """As `Memory.clear`; nothing is remembered as too far."""
+        """Restore the first state, as `Memory.clear` does, and forget what was too far."""
         super().clear()
         self.state.far["key"] = NO_KEY
 
@@ -197,4 +198,4 @@ class SearchMemory(Memory):
         """Let the first search begin at two elements, in tree order."""
         if nearest != (0, 0):
             self.progress["element_a"], self.progress["element_b"] = nearest
-            self.progress["distance"] = math.inf  # how near they were is not known
+            self.progress["distance"] = math.inf  # their last distance is not known

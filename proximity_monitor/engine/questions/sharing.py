@@ -1,4 +1,4 @@
-"""Work shared among threads, which Ctrl-C ends."""
+"""Work shared among threads, which Ctrl-C can stop."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ Found = TypeVar("Found")
 
 
 _NEVER = Event()
-"""It is never set: a thread that works alone has nobody who could stop it."""
+"""It is never set: no other thread can stop a thread that works alone."""
 
 
 def share(
     answer: Callable[[Item, Event], Found], items: Iterable[Item], threads: int
 ) -> list[Found]:
-    """Return `answer` of each item, in their order, computed by so many threads.
+    """Return `answer` of each item, in order, computed by so many threads.
 
-    Only the main thread hears Ctrl-C, so it waits and does not work. When it is interrupted, or an
-    answer raises an error, it sets the event, which all the others check between two slices.
+    Only the main thread receives Ctrl-C, so it waits and does not work. When it is interrupted, or
+    an answer raises an error, it sets the event, which the other threads check between slices.
     """
     if threads == 1:
         return [answer(item, _NEVER) for item in items]

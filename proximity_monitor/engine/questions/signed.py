@@ -1,4 +1,4 @@
-"""The signed distance where a model is solid: the surfaces' distance, or minus their depth."""
+"""The signed distance of models if one is a solid: the surfaces' distance, or minus the depth."""
 
 from __future__ import annotations
 
@@ -25,24 +25,26 @@ if TYPE_CHECKING:
     from .pair import Pair
 
 _LARGEST, _NONE = {"rel_err": 1.0}, {"rel_err": 0.0}
-"""Tolerances of the surfaces' distance where the one that was asked for does not tell the sign."""
+"""Tolerances of the surfaces' distance, if that of the question does not tell the sign."""
 
 Stage = Callable[["SignedSearch"], "Stage | None"]
-"""Does at least one slice of work; returns the next stage, itself if time ran out, None to end."""
+"""Does at least one slice of work. Returns the next stage; itself if time ran out; None at the end.
+"""
 
 
 class SignedSearch:
-    """The memory of signed distances of two models, as `Pair` is that of their distances.
+    """The search for signed distances of two models and its memory, as `Pair` is for distances.
 
-    A search has four stages. First it tries the centre of the last ball: if that lies inside both
-    models still, their surfaces need not be compared. Else it finds the distance of the surfaces;
-    where they do not meet, a part of one model may still lie inside the other. Where the models
-    overlap, the search for the depth follows. A search that was cut goes on in the same stage.
+    A search has these stages. First it tries the centre of the last ball: if that still lies inside
+    both models, their surfaces need not be compared. Otherwise it finds the distance of the
+    surfaces. If they do not meet, it looks for a part of one model inside the other. If the models
+    overlap, it searches for the depth; if it then finds no overlap, it completes the distance. A
+    search that was cut goes on in the same stage.
 
     Args:
         a: first model.
         b: second model.
-        apart: a pair of its own, which finds the distance of their surfaces.
+        apart: a pair for this search alone, which finds the distance of the surfaces.
     """
 
     __slots__ = (
@@ -52,19 +54,19 @@ class SignedSearch:
     )  # fmt: skip
 
     known: NDArray[np.float64] | None
-    """(ANSWER,) what is known of the surfaces at the poses that are asked about next: whoever sets
-    it has it from a search of its own. This search then begins where that one has ended."""
+    """(ANSWER,) what the caller knows about the surfaces at the poses of the next question, from
+    another search. If it is set, this search begins where that one ended."""
 
     def __init__(self, a: Model, b: Model, apart: Pair) -> None:
         self._models = a, b
         self._apart = apart
         self._asked: tuple[object, ...] | None = None
-        self._clear: tuple | None = None  # how the models were last known to be apart
+        self._clear: tuple | None = None  # poses, lower bound, shapes when last known to be apart
         self._depth: BallSearch | CoreSearch | None = None
         self.known = None
 
     def __reduce__(self) -> tuple[type[SignedSearch], tuple[Any, ...]]:
-        """Make another one with an empty memory."""
+        """Make another search with an empty memory."""
         return SignedSearch, (*self._models, self._apart)
 
     def ask(
@@ -94,11 +96,11 @@ class SignedSearch:
         self._asked = None
         if fresh:
             self._begin(pose_a, pose_b, rel_err, abs_err, depth_err)
-        # To begin is work enough where there is an answer already and no time is left.
+        # If there is an answer already and no time is left, beginning is enough work.
         late = fresh and self._known is not None and perf_counter() >= self._deadline
         row = self._answer(not late and self._search())
         self._asked = asked
-        # Rounding may make a later bound the weaker one; both hold.
+        # Rounding may make a later bound weaker than an earlier one; both hold.
         if self._limits is not None:
             lower, upper = self._limits
             row[state.LOWER] = max(lower, row[state.LOWER])
@@ -111,10 +113,10 @@ class SignedSearch:
     def prepare(
         self, pose_a: NDArray[np.float64], pose_b: NDArray[np.float64], *errors: float
     ) -> NDArray[np.float64] | None:
-        """Do a part of what it takes to begin with what is `known`, as a budget may be less.
+        """Do a part of the work to begin with what is `known`: all of it may exceed a budget.
 
-        `errors` are rel_err, abs_err and depth_err of the question that is asked next. Returns what
-        is known (ANSWER,); or None if nothing is left to do, so that `ask` goes on.
+        `errors` are rel_err, abs_err and depth_err of the next question. Returns what is known
+        (ANSWER,); or None if nothing is left to prepare, so that `ask` can go on.
         """
         asked = self._question(pose_a, pose_b, *errors)
         row = self.known
@@ -131,11 +133,14 @@ class SignedSearch:
     def _question(
         self, pose_a: NDArray[np.float64], pose_b: NDArray[np.float64], *errors: float
     ) -> tuple[object, ...]:
-        """Everything that an answer depends on."""
+        """Return everything that an answer depends on."""
         return pose_a.tobytes(), pose_b.tobytes(), errors, self._shapes()
 
     def _take_memory(self) -> BallSearch | CoreSearch:
-        """The search for the depth of models as they are now; a refit may call for another kind."""
+        """Return the search for the depth of the models as they are now.
+
+        A refit may call for another kind of search.
+        """
         a, b = self._models
         self._regions = sides_of(a).region, sides_of(b).region
         solids = a.is_solid, b.is_solid
@@ -160,11 +165,11 @@ class SignedSearch:
         abs_err: float,
         depth_err: float,
     ) -> None:
-        """Start a search with what the last one found."""
+        """Start a search from what the last one found."""
         a, b = self._models
         depth = self._take_memory()
-        # A deviation changes how deep a point lies in either model by as much, and a ball's
-        # diameter by twice that.
+        # A deviation changes the depth of a point in its model by as much, and the diameter of a
+        # ball by twice that.
         self._deviation = 2.0 * max(a.deviation, b.deviation)
         self._poses = pose_a.copy(), pose_b.copy()
         self._limits: tuple[float, float] | None = None
@@ -182,7 +187,7 @@ class SignedSearch:
         self._stage: Stage | None = SignedSearch._try_last_ball
 
     def _search(self) -> bool:
-        """Search until the end or until time is over; returns whether it has ended."""
+        """Search until the end or the deadline; return whether the search has ended."""
         while self._stage is not None:
             stage = self._stage
             self._stage = stage(self)
@@ -196,7 +201,7 @@ class SignedSearch:
         return SignedSearch._find_depth if self._depth.found else SignedSearch._compare_surfaces
 
     def _compare_surfaces(self) -> Stage | None:
-        """Find out how far the surfaces are apart."""
+        """Find how far the surfaces are apart."""
         apart = self._distance()
         if apart.lower > 0.0 and self._inside_other is None:
             return SignedSearch._look_inside
@@ -208,7 +213,7 @@ class SignedSearch:
         return SignedSearch._find_depth
 
     def _look_inside(self) -> Stage | None:
-        """Find out whether a part of one model is inside the other; the surfaces are apart."""
+        """Find whether a part of one model is inside the other; the surfaces are apart."""
         apart = self._found
         inside = self._inside_other = self._part_inside(apart)
         if inside is None:
@@ -216,7 +221,7 @@ class SignedSearch:
         if not inside:
             cut = apart.status is Status.OUT_OF_TIME
             return SignedSearch._compare_surfaces if cut else None
-        # A surface with holes has no parts: nothing tells where its inside may be.
+        # If a surface has holes, no part is searched for: nothing tells where its inside may be.
         if self._parts is not None and self._parts.part is not None:
             self._depth.seed_part(*self._parts.part)
         elif self._parts is not None:
@@ -229,7 +234,7 @@ class SignedSearch:
         return None if self._depth.found else SignedSearch._finish_distance
 
     def _finish_distance(self) -> Stage | None:
-        """Find the distance to the end: no overlap was found, so it is the answer."""
+        """Complete the distance of the surfaces: no overlap was found, so it is the answer."""
         if self._found is None or self._found.status is Status.OUT_OF_TIME:
             found = self._distance()
             return SignedSearch._finish_distance if found.status is Status.OUT_OF_TIME else None
@@ -253,12 +258,12 @@ class SignedSearch:
         return self._with_tests(apart.row.copy(), -deep - self._deviation, apart.upper, status)
 
     def _part_inside(self, apart: Distance) -> bool | None:
-        """Whether a part of either model may lie inside the other, whose surface is elsewhere.
+        """Find whether a part of either model may lie inside the other; their surfaces are apart.
 
-        None if time ran out before that was known.
+        Returns None if time ran out before that was known.
         """
         if HALF in (self._regions[0].inside, self._regions[1].inside):
-            return True  # no part is known to lie wholly on one side of a surface with holes
+            return True  # a part need not lie wholly on one side of a surface with holes
         if self._still_clear():
             return False
         if self._parts is None:
@@ -266,11 +271,11 @@ class SignedSearch:
         return self._parts.search(apart.lower, self._deadline)
 
     def _still_clear(self) -> bool:
-        """Whether no part can have got inside since it was known that none was.
+        """Return whether no part can have got inside since it was known that none was.
 
-        Let b move along straight lines in a's frame from its pose then to its pose now. The
-        surfaces come nearer by no more than it moves, so they never met. The norm of the rotations'
-        difference holds for poses that are not quite rigid, too.
+        Let the points of b move along straight lines in a's frame, from the pose then to the pose
+        now. The surfaces come nearer by no more than b moves, so they never met on the way. The
+        norm of the difference of the rotations also holds for poses that are not quite rigid.
         """
         if self._clear is None or self._clear[2] != self._shapes():
             return False
@@ -283,11 +288,11 @@ class SignedSearch:
         return moved + 1e-12 * size < 0.9 * clear
 
     def _shapes(self) -> tuple[int, ...]:
-        """How often the models were refitted."""
+        """Return how often each model was refitted."""
         return tuple(model.revision for model in self._models)
 
     def _distance(self) -> Distance:
-        """The distance of the surfaces, close enough to tell whether they meet, if time allows."""
+        """Find the surfaces' distance, well enough to tell whether they meet, if time allows."""
         while True:
             left = None
             if self._deadline < math.inf:
@@ -301,18 +306,18 @@ class SignedSearch:
                 self._apart_tests = bound_tests, primitive_tests
                 self._found = found
                 return found
-            # A tolerance so wide that the surfaces might still meet does not tell the sign. It
-            # allows all between 0 and `upper`, hence whatever is found next. Where the models may
-            # deviate by about as much as they are apart, only the exact distance tells.
+            # The tolerance is so wide that the surfaces might still meet, so the sign is unknown.
+            # It allows everything from 0 to `upper`, hence also what the next search finds. If the
+            # models may deviate by about as much as they are apart, only the exact distance tells.
             self._tolerance = _NONE if self._tolerance is _LARGEST else _LARGEST
             self._earlier_tests = bound_tests, primitive_tests
 
     def _inside(self, ended: bool) -> NDArray[np.float64]:
-        """The answer if the models overlap for certain, apart from what they may deviate."""
+        """Make the row for models that certainly overlap, apart from their deviations."""
         depth = self._depth
         shallow, deep = depth.bounds
         row = np.empty(state.ANSWER)
-        row.fill(-1.0)  # its triangles are no hints where to search
+        row.fill(-1.0)  # it names no triangles as hints where to search
         depth.fill(row)
         status = Status.OUT_OF_TIME
         if ended:
@@ -325,7 +330,7 @@ class SignedSearch:
     def _with_tests(
         self, row: NDArray[np.float64], lower: float, upper: float, status: Status
     ) -> NDArray[np.float64]:
-        """The row with these bounds and the number of tests; a tested point counts as either."""
+        """Write these bounds and the test counts into the row; a tested point counts in both."""
         points = self._depth.points + (self._parts.points if self._parts else 0)
         bound_tests, primitive_tests = self._apart_tests
         row[state.LOWER], row[state.UPPER] = lower, upper
@@ -337,9 +342,9 @@ class SignedSearch:
 def _relative(
     pose_a: NDArray[np.float64], pose_b: NDArray[np.float64], centre: NDArray[np.float64]
 ) -> tuple[list[float], list[float]]:
-    """The rotation of b in a's frame, by rows, and its centre there.
+    """Return the rotation of b in a's frame, by rows, and the position of b's centre there.
 
-    In Python's own numbers: so few of them take numpy three times as long.
+    Python's own numbers are used: for so few, numpy takes three times as long.
     """
     *a, (ax, ay, az) = zip(*pose_a.tolist()[:3], strict=True)  # the columns
     *b, (bx, by, bz) = zip(*pose_b.tolist()[:3], strict=True)

@@ -15,42 +15,42 @@ from ..arguments import check_tolerance
 from ..kernels.base.state import BAD_POSE_A, BAD_POSE_B, CUT, ENDED
 
 Run = tuple[Callable, int, int]
-"""The entry of some queries, the first of them, and one after the last."""
+"""The entry for some queries, the first of these, and one after the last."""
 Settle = Callable[[int, int, int], int]
-"""Makes answers, from one to before another, signed ones; see `settle_signs`. It takes so many
-steps, and returns to where it came."""
+"""Makes signed answers from those from the first number up to before the second, in so many steps;
+see `settle_signs`. It returns the number of the first answer that is not settled."""
 
 LONG = 1 << 18
-"""Steps between two returns to Python if there is no budget, so that Ctrl-C is heard."""
+"""Steps between two returns to Python if there is no budget, so that Ctrl-C is noticed."""
 
 _FIRST = 64
-"""Steps of the first slice, some 10 µs, as the time that a step takes is not known yet."""
+"""Steps of the first slice, some 10 µs, because the time of a step is not known yet."""
 _LEAST, _MOST = 32, 1 << 14
 _SOON_S = 2e-5
-"""With less time left, seconds, the first slice has no more than the least of steps: where models
-are curved a step takes some ten times as long as between meshes."""
+"""With less time left, seconds, the first slice has the least number of steps, because a step
+between curved models takes some ten times as long as between meshes."""
 _SHARE = 3.0
 """A slice takes a third of the time that is left, provided its steps take as long as the last ones
-did. So a search looks at the clock some ten times in a budget, and is late only where steps
-suddenly take three times as long."""
+did. So a search looks at the clock some ten times in a budget, and is late only if steps suddenly
+take three times as long."""
 _FASTER = 0.5
 """Steps are never expected to take less than this share of the time that the last ones took. Some
-slices are over at once, or meet nothing but the cheapest of their work: that tells little about the
-next slice, which may not become long because of it."""
+slices end at once, or do only the cheapest kind of work. That tells little about the next slice,
+and must not make it long."""
 
 
 _END, _LONGEST_END_S = 0.02, 1e-4
 """Share of a budget that is kept for the end of a call, and the most of it, seconds. A search of
-milliseconds drives Python out of the processor's caches, so that its end takes up to ten times as
-long as after a short one."""
+milliseconds drives Python out of the processor's caches, so that the end of the call takes up to
+ten times as long as after a short search."""
 
 
 def deadline_of(start: float, budget_s: SupportsFloat | None) -> float | None:
-    """When the work of a call has to end whose budget began at `start` of perf_counter.
+    """Return when a call has to end its work, if its budget began at `start` of perf_counter.
 
     Raises:
-        TypeError: a budget that is no real number.
-        ValueError: a budget that is negative or NaN.
+        TypeError: the budget is no real number.
+        ValueError: the budget is negative or NaN.
     """
     if budget_s is None:
         return None
@@ -59,10 +59,10 @@ def deadline_of(start: float, budget_s: SupportsFloat | None) -> float | None:
 
 
 class Slices:
-    """The slices of a search until a deadline: `steps` is the number that the next one may take.
+    """The slices of a search until a deadline: `steps` is how many steps the next one may take.
 
     Args:
-        deadline: of perf_counter; None or infinity for none.
+        deadline: a time of perf_counter; None or infinity for none.
     """
 
     __slots__ = ("_begun", "_deadline", "_pace", "steps")
@@ -76,9 +76,9 @@ class Slices:
             self.steps = _FIRST if self._deadline - self._begun > _SOON_S else _LEAST
 
     def over(self, alike: bool = True) -> bool:
-        """Look at the clock: whether no time is left for another slice.
+        """Look at the clock; return whether no time is left for another slice.
 
-        Unless the last one was `alike`, it does not tell how long the steps of the next one take.
+        If the last slice was not `alike`, its steps do not tell how long the next one's take.
         """
         if self._deadline is None:
             return False
@@ -98,7 +98,7 @@ ENDLESS = Slices(None)
 
 
 def slices_until(deadline: float | None) -> Slices:
-    """Slices that begin now."""
+    """Return slices that begin now."""
     return ENDLESS if deadline is None else Slices(deadline)
 
 
@@ -115,20 +115,20 @@ def answer_in_slices(
     answers: NDArray[np.float64],
     settle: Settle | None,
 ) -> tuple[int, int]:
-    """Answer every so many of the queries, in runs, into `answers`; how it ended, and where.
+    """Answer one thread's share of the queries into `answers`; return the code and where it ended.
 
     Args:
-        runs: of these queries.
-        tables: of the bodies' models.
-        memory: that of a search.
-        fresh: whether it begins with the first query, or goes on with that.
+        runs: the runs of its queries.
+        tables: the tables of the bodies' models.
+        memory: the table of a search's memory.
+        fresh: whether to begin the first query; otherwise continue it.
         poses: (n, 4, 4) model to world of every body, metres.
         asked: the table of all queries.
-        every: how many threads share them.
-        deadline: of perf_counter.
-        stopped: ends the search when it is set.
-        answers: (k, ANSWER) written.
-        settle: called with what was answered.
+        every: how many threads share the queries; the next query of this thread is so many on.
+        deadline: a time of perf_counter, or None.
+        stopped: an event that ends the search when it is set, or None.
+        answers: (k, ANSWER), written.
+        settle: makes answers signed once they are found, or None.
     """
     stacked, flat = poses.reshape(-1, 4), answers.ravel()
     slices = slices_until(deadline)

@@ -1,7 +1,7 @@
-"""All contacts of two models of which one at least is a parametric surface.
+"""All contacts of two models of which at least one is a parametric surface.
 
-The search for all pairs that may be nearest ends, where models touch, with pairs of pieces whose
-control points do not part them. Each of these is asked about alone, by the same search.
+If models touch, the search for all pairs that may be nearest ends with pairs of pieces that their
+control points do not separate. The same search then answers a query about each such pair alone.
 """
 
 from __future__ import annotations
@@ -28,19 +28,19 @@ Pairs = NDArray[np.int64]
 
 
 _PART_S = 5e-5
-"""Seconds that a part of what it takes to begin may take."""
+"""Seconds that one part of the preparations may take."""
 
 _HALF = 32
-"""Bits of an element's number."""
+"""Bits for the number of an element in a key."""
 
 
 class PieceSearch:
     """Decides which pairs of elements touch, in slices.
 
     Args:
-        search: one that has collected all pairs that may touch, and is over.
-        poses: both models', (4, 4), model to world.
-        asked: the question, by which it is known again.
+        search: one that has collected all pairs that may touch, and has ended.
+        poses: of both models, (4, 4), model to world.
+        asked: the question, which identifies this search when it is asked again.
     """
 
     __slots__ = (
@@ -49,7 +49,7 @@ class PieceSearch:
     )  # fmt: skip
 
     answers: Reals
-    """(k, ANSWER) about each pair; none before it has begun."""
+    """(k, ANSWER), one about each pair; empty before the preparations are done."""
 
     def __init__(self, search: Search, poses: tuple[Reals, Reals], asked: object) -> None:
         self.question = asked
@@ -58,7 +58,7 @@ class PieceSearch:
         self._beginning = self._begin(search)
 
     def _begin(self, search: Search) -> Iterator[None]:
-        """Begin in parts, as each may take longer than a budget: it yields before each of them."""
+        """Prepare the queries in parts; yield before each, as it may take longer than a budget."""
         yield
         divided = search.divided()
         yield
@@ -84,10 +84,10 @@ class PieceSearch:
         yield
 
     def run(self, deadline: float | None) -> bool:
-        """Go on until a deadline, of perf_counter; returns whether all pairs are answered.
+        """Go on until a deadline, of perf_counter; return whether all pairs are answered.
 
-        It does a part of what it takes to begin, but the first time nothing where the search for
-        the pairs has used up the time.
+        At least one part of the preparations is done in each call, but none in the first one if the
+        search for the pairs has used up the time.
         """
         for _ in self._beginning:
             if deadline is not None and perf_counter() + _PART_S >= deadline:
@@ -106,34 +106,34 @@ class PieceSearch:
         return self._row
 
     def met(self, first: Met) -> MetPieces:
-        """The contacts so far; `first` is what the search before knows."""
+        """Return the contacts so far; `first` is what the search for the pairs knows."""
         return MetPieces(first, self.answers[: self._row].copy())
 
 
 @dataclass(frozen=True, slots=True)
 class MetPieces:
-    """The pieces that touch or cross, as searches answered about each pair of them.
+    """The pieces that touch or cross, from the answers about each pair of them.
 
-    As of triangles, points and normals are made when they are read.
+    As for triangles (`Met`), points and normals are made when they are read.
     """
 
     first: Met
-    """What the search for all of them knows."""
+    """What the search for all pairs knows."""
     answers: Reals
     """(k, ANSWER), one about each pair of elements."""
 
     @property
     def touching(self) -> bool:
-        """Whether the nearest elements that were found touch or cross, or rounding hides it."""
+        """Whether the nearest elements found touch or cross, or rounding hides whether they do."""
         return self.first.touching
 
     @property
     def decided(self) -> bool:
-        """Whether of every pair it is known whether it touches."""
+        """Whether it is known for every pair whether it touches."""
         return bool(self._are_decided(self._touching()).all())
 
     def contacts(self) -> Touching:
-        """A contact of each two pieces that touch; where that is not decided, as well."""
+        """Return one contact for each two pieces that touch, or for which this is not decided."""
         rows = self._touching()
         rows = rows[(~self._are_decided(rows)).argsort(kind="stable")]
         keys = np.stack([self._pieces(rows, side) for side in range(2)], axis=1)
@@ -151,7 +151,7 @@ class MetPieces:
         return rows[:, index.STATUS] != index.OUT_OF_TIME
 
     def _pieces(self, rows: Reals, side: int) -> Pairs:
-        """The pieces, or triangles, on which the nearest points lie: an edge's is its face."""
+        """Return the pieces or triangles of the nearest points; for an edge, the piece it is on."""
         elements = rows[:, (index.TREE_A, index.TREE_B)[side]].astype(np.int64)
         tree = self.first.hierarchies[side].tree
         if not isinstance(tree, SurfaceTree):
@@ -161,19 +161,19 @@ class MetPieces:
 
 
 def _keys(one: Pairs, other: Pairs) -> Pairs:
-    """A number for each pair of elements (k,) and (k,): numpy sorts these far faster than rows."""
+    """Return a number for each pair of elements; numpy sorts these far faster than rows."""
     return (one << _HALF) + other
 
 
 def _elements_of(near: NDArray[np.int32], cells: Cells, search: Search) -> Iterator[Pairs]:
-    """The elements of a, and of b, in tree order, of whose cells pairs are near."""
+    """Yield the elements of a, then those of b, in tree order, of the near pairs of cells."""
     for parts, own, model in zip(near.T, cells.sides, search.models, strict=True):
         divided = isinstance(model._hierarchy.tree, SurfaceTree)
         yield (own["element"][parts] if divided else parts).astype(np.int64)
 
 
 def _of_leaves(search: Search) -> Pairs:
-    """The elements of a, and of b, under pairs of leaves for whose cells there was no room."""
+    """Return the elements of a and b in the pairs of leaves for whose cells there was no room."""
     a, b = (model._hierarchy for model in search.models)
     found = [
         (i, j)
@@ -186,6 +186,6 @@ def _of_leaves(search: Search) -> Pairs:
 
 
 def _under(hierarchy: Hierarchy, lane: int) -> Iterator[int]:
-    """The elements of a leaf."""
+    """Return the elements of a leaf."""
     child = int(hierarchy.tree.children[lane])
     return iter(range(first_of.py_func(child), last_of.py_func(child) + 1))

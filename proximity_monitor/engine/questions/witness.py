@@ -1,4 +1,4 @@
-"""The nearest points of swept models, from the nearest points of their cores."""
+"""Computes the nearest points of swept models from the nearest points of their cores."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ from ..kernels.base import state as index
 
 
 def witness_points(rows: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Nearest points of both models, world, metres; from answers of searches (..., ANSWER).
+    """Return the nearest points of both models, world, metres, from answers (..., ANSWER).
 
-    If the models overlap, each point is as far from its core as the radius says, even if that is
-    inside the other model, as with two spheres; or it is told by the row.
+    If the models overlap, each point is as far from its core as the radius says, even if it then
+    lies inside the other model, as with two spheres. If a radius is negative, the row itself holds
+    the points.
     """
     radii = rows[..., index.RADIUS_A : index.RADIUS_B + 1]
     p, q = surface_points(
@@ -35,17 +36,17 @@ def surface_points(
     radii: NDArray[np.float64],
     overlapping: NDArray[np.bool_] | bool = False,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Nearest points of swept models, from those of their cores.
+    """Return the nearest points of swept models, from those of their cores.
 
     Args:
-        p: (..., 3) metres; of the first.
-        q: (..., 3) metres; of the second.
-        radii: (..., 2) metres; the radii that sweep them.
+        p: (..., 3) metres; nearest point of the first core.
+        q: (..., 3) metres; nearest point of the second core.
+        radii: (..., 2) metres; the radii that sweep the cores.
         overlapping: (...) whether the models overlap; then the balls around p and q may meet.
 
     Returns:
-        (..., 3) points of either: the very arrays given where no model is swept. Where the balls
-        around p and q meet, one point of both, unless the models overlap.
+        (..., 3) points of either model; the given arrays themselves if no model is swept. If the
+        balls around p and q meet, and the models do not overlap, the two are one point of both.
     """
     if not radii.any():
         return p, q

@@ -1,1 +1,1 @@
-"""What differs by the kinds of two models: bounds, leaves, rounding, and the entries."""
+"""All that depends on the kinds of both models of a pair: bounds, leaves, rounding, entries."""

@@ -1,4 +1,4 @@
-"""Which compiled entries find the largest ball inside two solids, by the kinds of both."""
+"""Compiled entries that find the largest ball inside two solids, by the kinds of both."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from ..inside.ball import search_ball
 from ..inside.ball_begin import begin_ball
 from ..inside.ball_feet import write_ball
 from ..inside.ball_seeds import add_seeds
-from ..revolution import solid  # noqa: F401 - it implements what surfaces are asked for, as well
+from ..revolution import solid  # noqa: F401 - it implements stubs for these solids
 
 Entries = namedtuple("Entries", "begin search write add_seeds")
-"""What begins a search, goes on with it, writes what it found, and adds seeds."""
+"""The kernels that begin a search, continue it, write what it found, and add seeds."""
 
 _MESHES = Entries(begin_ball, search_ball, write_ball, add_seeds)
 
@@ -37,7 +37,7 @@ BALLS = {
     (RevolutionTree, SurfaceTree): _SURFACES,
     (RevolutionTree, RevolutionTree): _entries(RevolutionTree, RevolutionTree, "of_revolutions"),
 }
-"""By the types of both solids' trees, in this order: of unlike ones the solid of revolution comes
-first, and the mesh last. Whatever its volumes are, any mesh's are taken for swept spheres; a solid
-of revolution beside a surface is taken for its patches.
+"""The entries by the tree types of both solids. Of two unlike types, the solid of revolution comes
+first and the mesh last. The volumes of every mesh are treated as swept spheres. A solid of
+revolution beside a surface is treated as its patches.
 """

@@ -1,11 +1,13 @@
-"""A plane between a surface and a mesh: all of the mesh that it holds off is dismissed.
+"""A plane between a surface and a mesh, which dismisses the parts of the mesh beyond it.
 
-So is what lies in an empty ball of the surface: see mesh_in_ball.py.
+The plane is perpendicular to the line between the nearest points, and the whole surface lies on one
+side of it. It holds off the parts of the mesh that lie beyond it by at least the limit. Between two
+convex models that is the whole mesh, so the search ends once the nearest points are found.
 
-The plane across the way between the nearest points, laid against the surface, holds off whatever of
-the mesh is beyond it by as much as these are apart. Of two convex models that is everything: where
-the nearest points are found, the search ends. How far a surface reaches along a direction, its
-pieces tell (see surface/reach.py), and of a solid of revolution its profile, wherever that is.
+How far a surface reaches along a direction comes from its pieces (see surface/reach.py). For a
+solid of revolution it comes from the profile, wherever the solid reaches farthest.
+
+Parts of the mesh in an empty ball of the surface are dismissed, too: see mesh_in_ball.py.
 """
 
 from __future__ import annotations
@@ -31,21 +33,22 @@ from .in_ball import is_within, lanes_beyond
 _ALL = (1 << WIDTH) - 1
 
 _NODES, _OPEN = 64, 512
-"""Nodes of a mesh that are looked at for one plane at most, and those that may be open."""
+"""Most nodes of a mesh that are visited for one plane, and room for the open ones."""
 
 PLANE_STEPS = 4
-"""Steps of a search that laying a plane takes as long as, besides one for each node."""
+"""Cost of laying a plane, in steps of a search; each node visited costs one step more."""
 
 REST = 16
-"""Searches along a motion for which no plane is laid beside a surface after one told too little."""
+"""Searches along a motion that lay no plane beside a surface that is not convex, after a plane laid
+there did not end its search."""
 
 _CONVEX = 0.9
-"""Share of the limit that a plane has to hold off of the nearest triangle for it to be of use."""
+"""A plane is of use only if the nearest triangle is beyond it by this share of the limit."""
 
 
 @kernel
 def _end_along(tree, n, element, u, v, most):
-    """Where a surface ends along a vector no longer than a unit, at the most; see `reach_along`."""
+    """Bound from above how far a surface reaches along n, |n| <= 1; see `reach_along`."""
     if has_profile(tree):
         return outline_along(revolution_of(tree), n)
     return reach_along(tree, n, element, u, v, most)
@@ -53,9 +56,9 @@ def _end_along(tree, n, element, u, v, most):
 
 @kernel
 def lay_plane(surface, mesh, state):
-    """Lay a plane against a surface, across the way between the nearest points.
+    """Lay a plane against a surface, perpendicular to the line between the nearest points.
 
-    Where it holds off all of the mesh, nothing is open then. Returns the steps that this took.
+    If plane and ball hold off the whole mesh, no pair stays open. Returns the cost in steps.
     """
     progress = state.progress[0]
     plane, n = progress.plane, vector(progress.normal_b)
@@ -73,13 +76,14 @@ def lay_plane(surface, mesh, state):
 
 @kernel
 def plane_across(solid, motion, normal, slack):
-    """The plane laid against a solid of revolution across a unit vector of the profile's frame.
+    """Lay a plane against a solid of revolution, perpendicular to a unit vector of its profile.
 
-    `motion` leads from the mesh to the solid's frame. Returns what `progress.plane` begins with:
-    a vector that is no longer than a unit, in the mesh's frame, and how far the solid reaches.
+    `normal` is in the profile's frame; `motion` leads from the mesh's frame to the solid's. Returns
+    what `progress.plane` holds: a vector no longer than a unit, in the mesh's frame, and how far
+    the solid reaches along it at most.
 
-    The products with the mesh's points err by 11.9 u of these, as those of b in GAP_SHARE: twice
-    the slack holds 20 u of either.
+    A product with a point of the mesh errs by 11.9 u of the point's norm, as for b in GAP_SHARE.
+    Twice the slack covers 20 u of the norms of either model.
     """
     f, share = solid.frame, 1.0 - 16.0 * DOUBLE_EPS
     x, y, z = share * normal[0], share * normal[1], share * normal[2]
@@ -106,9 +110,9 @@ def _left_of(tree, node, progress, limit, reaches):
 
 @kernel
 def end_where_held(mesh, progress):
-    """End a search where plane and ball hold off all triangles of the mesh: nothing is open then.
+    """End a search if plane and ball hold off all triangles of the mesh: no pair stays open.
 
-    Returns how many nodes were looked at.
+    Returns how many nodes were visited.
     """
     stack, lows = on_stack(_OPEN, np.int32(0)), on_stack(WIDTH, np.float32(0.0))
     stack[0] = mesh.children[0]
@@ -139,9 +143,10 @@ def end_where_held(mesh, progress):
 
 @inlined
 def lanes_before(mesh, node, progress, limit, lows):
-    """The bits of the lanes of a node that the plane does not hold off beyond `limit`, metres.
+    """Return the bits of the lanes of a node that the plane does not hold off beyond `limit`, m.
 
-    `lows` is room for sixteen float32. Bits of unused lanes are not among them.
+    If no plane is known, these are all bits; otherwise those of unused lanes are not set. `lows` is
+    room for sixteen float32.
     """
     if not progress.plane[3] < np.inf:
         return _ALL
@@ -151,10 +156,10 @@ def lanes_before(mesh, node, progress, limit, lows):
 
 @inlined
 def lanes_on(mesh, node, n, end, limit, lows):
-    """The bits of the lanes of a node that may begin less than `limit` beyond `end` along a vector.
+    """Return the bits of the lanes of a node that may begin less than `limit` beyond `end` along n.
 
-    Returns also how far beyond that the node's centre lies, metres; how much less its lanes do is
-    written to `lows`, in node units. Unused lanes are beyond every limit.
+    Returns also how far beyond `end` the node's centre lies, metres. Writes to `lows` where each
+    lane begins, relative to the centre, in node units. Unused lanes are beyond every limit.
     """
     begin = along_node(mesh, node, n, 1.0, lows) - end
     return not_above(lows, 0, np.float32(min((limit - begin) * mesh.scale[1], 1e29))), begin
@@ -162,5 +167,5 @@ def lanes_on(mesh, node, n, end, limit, lows):
 
 @inlined
 def is_held_off(mesh, t, progress):
-    """Whether the plane holds off a triangle beyond the limit; see `gap_between`."""
+    """Return whether the plane holds off a triangle beyond the limit; see `gap_between`."""
     return begin_of(progress.plane, mesh.triangles, t) - progress.plane[3] >= progress.limit

@@ -1,12 +1,12 @@
-"""Which compiled entries find how deep a surface reaches into a solid, by the kinds of both."""
+"""Compiled entries that find how deep a surface reaches into a solid, by the kinds of both."""
 
 from __future__ import annotations
 
 from ..base.jit import entry, specialised
 from ..base.trees import MeshTree, SurfaceTree
 from ..inside.deepest import begin_deepest, search_deepest, write_deepest
-from ..surface import pieces, solid  # noqa: F401 - they implement what surfaces are asked for
-from . import mesh_mesh, surface_surface  # noqa: F401 - the same for points of elements
+from ..surface import pieces, solid  # noqa: F401 - they implement stubs for surfaces
+from . import mesh_mesh, surface_surface  # noqa: F401 - the same for elements
 
 
 def _entries(kind_solid, kind_surface, name):
@@ -23,6 +23,7 @@ DEPTHS = {
     (True, False): _entries(SurfaceTree, MeshTree, "triangles_in_surface"),
     (True, True): _entries(SurfaceTree, SurfaceTree, "cells_in_surface"),
 }
-"""What begins a search, goes on with it, and writes what it found, by whether the solid and the
-surface are parametric surfaces. Whatever its volumes are, any mesh's are taken for swept spheres.
+"""The kernels that begin a search, continue it, and write what it found. The key says whether the
+solid is made of parametric surfaces, and whether the surface is one. The volumes of every mesh are
+treated as swept spheres.
 """

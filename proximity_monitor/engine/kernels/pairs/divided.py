@@ -1,4 +1,4 @@
-"""Pairs of models of which at least one has elements that are divided: what both kinds share."""
+"""Stubs shared by the pairs of which at least one model has elements that are divided."""
 
 from __future__ import annotations
 
@@ -29,34 +29,36 @@ from ..surface.sides import begin_on, near
 from ..tree.layout import WIDTH, first_of, last_of, row
 
 DIVIDED = (SurfaceTree, SurfaceTree), (SurfaceTree, MeshTree), (MeshTree, SurfaceTree)
-"""The pairs of kinds that this is about."""
+"""The pairs of tree types that share these stubs."""
 
 _FULL = 0.5
-"""Share of the room for cells from which on a search begins without those of earlier searches."""
+"""If earlier searches have filled this share of the room for cells, a search begins without their
+cells."""
 
 _NEAR = 0.05
-"""Share of the models' sizes: from where points are farther apart no local minimum is looked for,
-as models that crossed have leapt, or nothing was known of them."""
+"""Share of the models' sizes. From points farther apart than that, no local minimum is looked for:
+the models crossed before and have leapt, or nothing was known about them."""
 
 _SMALL = 0.02
-"""Share of the models' sizes: where they have moved less, the points that were nearest are so."""
+"""Share of the models' sizes. If the models moved less, the last nearest points are still near."""
 
 _NEAR_STEPS = 32
-"""Steps of each search for near points with which a search that has a tolerance begins."""
+"""Most steps of each query for near points, if a search with a tolerance begins with these."""
 
 _CROSSING = 4
-"""How many times as many pairs are compared before that where some may cross."""
+"""Factor for the pairs that a search compares before it looks for a ball, if some may cross."""
 
 _FEW, _MORE = 8, 24
-"""Pairs of elements that a search compares before it looks for a ball that dismisses others; and
-that one compares which remembers what was far: most have only a few."""
+"""Pairs of elements that a search compares before it looks for a ball that dismisses others: a
+search that remembers nothing, and one that remembers what was far (most such compare only a few).
+"""
 
 ROOM_STEPS = 256
-"""Steps that making room for more cells takes as long as."""
+"""Cost of making room for more cells, in steps."""
 
 
 def _implements(stub):
-    """Let a kernel stand in for a stub for all of them."""
+    """Return a decorator that makes a kernel implement a stub for all pairs in DIVIDED."""
 
     def register(compiled):
         for kinds in DIVIDED:
@@ -69,7 +71,7 @@ def _implements(stub):
 @_implements(stubs.slacks)
 @kernel
 def slacks(tree_a, tree_b, apart, error):
-    """What rounding may do to a distance of points, and to a bound; metres."""
+    """Return what rounding may do to a distance of points, and to a bound; metres."""
     size_a, size_b = tree_a.scale[2], tree_b.scale[2]
     points = MARGIN_A * size_a + MARGIN_B * size_b + MARGIN_T * apart + POINT_FLOOR
     points += points_err(tree_a) + points_err(tree_b)
@@ -79,14 +81,14 @@ def slacks(tree_a, tree_b, apart, error):
 @implements(stubs.resolution, Dividing)
 @inlined
 def resolution(waiting, tree_a, tree_b, slack):
-    """How close bounds of such models come at most, metres."""
-    # What no division makes less; bounds hold whatever it is, but a search would go on for less.
-    # The distance found errs by the slack, and the slack is subtracted from a cell's bound. A gap
-    # along a direction errs by GAP_SHARE of the slack's first part (see `slacks`), and the cells'
-    # margins hold CONVERSION, which is in its second, `points_err`: a third slack together. What is
-    # left of a margin is at most NET_SPLIT (15 MOST_SPLITS + 1) P, or 6.4e-13 P, and the smallest
-    # cells, 2^-48 of a piece where they were divided evenly, extend over 15 * 2 P / 2^48, 1.1e-13
-    # P; RESOLUTION is 9.1e-13.
+    """Return how close the bounds of such models can come, metres."""
+    # No division makes the bounds differ by less. They hold whatever this returns, but a search
+    # would never reach a smaller difference. The distance found errs by one slack, and a cell's
+    # bound is lowered by a second. A gap along a direction errs by GAP_SHARE of the slack's first
+    # part (see `slacks`), and a cell's margin contains CONVERSION, which is in the second part,
+    # `points_err`: together a third slack. The rest of a margin is at most
+    # NET_SPLIT (15 MOST_SPLITS + 1) P, or 6.4e-13 P. The smallest cells, 2^-48 of a piece when
+    # divided evenly, extend over 15 * 2 P / 2^48, 1.1e-13 P. RESOLUTION is 9.1e-13.
     return RESOLUTION * (tree_a.scale[2] + tree_b.scale[2]) + 3.0 * slack
 
 
@@ -103,12 +105,12 @@ def _prepare(cells, tree_a, tree_b, state):
     progress.resting = max(progress.resting - 1, 0) if same else 0
     progress.compared, progress.leaning = 0, NONE
     progress.due = _MORE if same else _FEW
-    # Cells stand in their model's own frame: they serve again while the models are the same.
+    # Cells are in their model's own frame, so they can be used again while its shape is the same.
     shapes = tree_a.scale[REVISION], tree_b.scale[REVISION]
     same = same and progress.shape_a == shapes[0] and progress.shape_b == shapes[1]
     most = _FULL * len(cells.cells_a)
     if not (same and 0 < progress.cells_a < most):
-        progress.cells_a = 0  # and with that its roots: see `root_cell`
+        progress.cells_a = 0  # this forgets the roots, too: see `root_cell`
     most = _FULL * len(cells.cells_b)
     if not (same and 0 < progress.cells_b < most):
         progress.cells_b = 0
@@ -117,7 +119,8 @@ def _prepare(cells, tree_a, tree_b, state):
 def begin_below(tree_a, tree_b, state, fresh):
     """Begin a search of a solid of revolution and a mesh with a local minimum: a stub.
 
-    FRESH, where no points are known that may be near it. Returns whether the models are such.
+    FRESH says that no points near it are known. Returns False if the search has to begin as between
+    other models.
     """
 
 
@@ -140,7 +143,7 @@ def _settle(waiting, tree_a, tree_b, state):
 def _measure(tree_a, tree_b, state, a, b, bound):
     a, from_a = begin_on(tree_a, a)
     b, from_b = begin_on(tree_b, b)
-    # Where they are far from each other, a search that is to begin has better ones to begin with.
+    # If these points are far apart, the search finds better ones to begin with (see `guess`).
     distance = measure_near(tree_a, tree_b, state, a, from_a, b, from_b, 0)
     if distance > _NEAR * (tree_a.scale[2] + tree_b.scale[2]) and distance < np.inf:
         return distance
@@ -158,8 +161,8 @@ def _resolve(tree_a, tree_b, state, n, steps, scratch):
     apart = progress.distance - progress.slack > progress.stop
     narrow = apart and progress.dividing > 0 and is_narrow(progress, waiting.pairs)
     while True:
-        # Numba compiles what is called in the order in which it is written: what other processes
-        # compile ahead stands last, where it is needed latest.
+        # Numba compiles callees in the order in which they are written. Other processes compile
+        # `_divide_some` ahead (see late.py), so it comes last, where it is needed latest.
         if not narrow:
             steps = _add(tree_a, tree_b, state, n, bound, steps)
             if progress.compared < progress.due or _may_cross(progress, waiting):
@@ -173,9 +176,9 @@ def _resolve(tree_a, tree_b, state, n, steps, scratch):
 
 @inlined
 def _may_cross(progress, waiting):
-    """Whether a pair of cells may cross, by its bound, and these are still few.
+    """Return whether a pair of cells may cross, by its bound, and few pairs were compared so far.
 
-    Then another few pairs are compared first: where the models cross, one tells, and no ball.
+    Then the search compares a few more first: if the models cross, a pair shows it and no ball can.
     """
     crosses = progress.dividing > 0 and waiting.pairs[0].bound <= 0.0
     return crosses and progress.compared < _CROSSING * progress.due
@@ -183,7 +186,7 @@ def _may_cross(progress, waiting):
 
 @inlined
 def _add(tree_a, tree_b, state, n, bound, steps):
-    """Take up the elements of the waiting pair n; returns how many of the steps are left."""
+    """Add the elements of the waiting pair n to those to be divided; return the steps left."""
     progress, waiting = state.progress[0], state.waiting
     # A leaf of a mesh may hold two triangles.
     first_a, last_a = _elements(tree_a, waiting.lanes[n, 0])
@@ -207,7 +210,7 @@ def _add(tree_a, tree_b, state, n, bound, steps):
 
 @inlined
 def _elements(tree, lane):
-    """The elements of a leaf, the first and the last; an element that waits alone is ~lane."""
+    """Return the first and last element of a leaf; a lane ~e stands for the element e alone."""
     if lane < 0:
         return np.int64(~lane), np.int64(~lane)
     leaf = np.int64(tree.children[lane])
@@ -229,9 +232,9 @@ def _divide(waiting, tree_a, tree_b, state, steps):
 
 @shared
 def _divide_some(tree_a, tree_b, state, steps, one):
-    """Divide all pairs that wait, or as many as there are steps for, as `divide` says.
+    """Divide all waiting pairs, or as many as there are steps for; return as `stubs.divide` does.
 
-    Or only ONE, or none for which room is made: CUT then, unless there is no room.
+    With ONE, divide one pair, or only make room for it; return CUT then, unless there is no room.
     """
     progress = state.progress[0]
     while progress.dividing > 0 and progress.distance - progress.slack > progress.stop:
@@ -251,9 +254,10 @@ def _divide_some(tree_a, tree_b, state, steps, one):
 
 @inlined
 def _code(state, least):
-    """How a search ended, when `least` is the least bound of what there was no room for.
+    """Return how a search ended; `least` is the least bound of the pairs that found no room.
 
-    As no distance is negative, an upper bound that may err by all of itself needs no lower one.
+    If the upper bound is within the absolute error, 0 will do as the lower bound: no distance is
+    negative.
     """
     progress = state.progress[0]
     if progress.distance - progress.slack <= progress.stop or least >= progress.enough:
@@ -271,14 +275,14 @@ def _least_undivided(waiting, progress):
 
 @inlined
 def _has_stayed(tree_a, tree_b, state):
-    """Whether the models have moved so little that the points that were nearest are so still."""
+    """Return whether the models moved so little that the last nearest points are still near."""
     few = _SMALL * (tree_a.scale[2] + tree_b.scale[2])
     return remembers(state) and state.progress[0].step < few
 
 
 @inlined
 def _improve_guess(tree_a, tree_b, state, found):
-    if not far_from_nearest(state.progress[0]):  # else that is what the search begins with
+    if not far_from_nearest(state.progress[0]):  # else the search itself begins with that
         _approach(tree_a, tree_b, state, _NEAR_STEPS, found)
 
 
@@ -286,14 +290,14 @@ def _improve_guess(tree_a, tree_b, state, found):
 @kernel
 def _guess(tree_a, tree_b, state):
     if _has_stayed(tree_a, tree_b, state):
-        stubs.settle(state.waiting, tree_a, tree_b, state)  # it was as near, and crossed perhaps
+        stubs.settle(state.waiting, tree_a, tree_b, state)  # near as before; they may have crossed
         return
     if begin_below(tree_a, tree_b, state, True):
         return
-    # A surface may be hollow where its middle is, as a ring is: so it begins with the other's.
+    # A surface may be hollow in its middle, as a ring is, so begin with the middle of b.
     found = on_stack(WIDTH, np.float32(0.0))
     middle = moved(state.motions[0], scaled(row(tree_b.centres, 0), tree_b.scale[0]))
-    # Around the pieces of a surface volumes are thin: their bounds tell better than their middles.
+    # Volumes around pieces of a surface are thin: their bounds guide better than their middles.
     a, from_a = begin_on(tree_a, walk(Point(middle, 0.0, 0.0, 0.0, 0.0), tree_a, found))
     q = moved(state.motions[1], stubs.witness(tree_a, a, from_a))
     b, from_b = begin_on(tree_b, walk(Point(q, 0.0, 0.0, 0.0, 0.0), tree_b, found))

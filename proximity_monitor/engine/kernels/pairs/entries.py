@@ -1,4 +1,4 @@
-"""Which compiled entry answers queries about two kinds of trees, in which order."""
+"""Compiled entries that answer queries, by the kinds of both trees and the order of the search."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _RINGS = _SURFACES | {DepthFirst: revolution_revolution.search}
 ENTRIES = {
     (MeshTree, MeshTree): _SWEPT,
     (BoxTree, BoxTree): _BOXES,
-    # Against swept spheres, boxes are taken for such.
+    # Against swept spheres, boxes are treated as swept spheres.
     (MeshTree, BoxTree): _SWEPT,
     (BoxTree, MeshTree): _SWEPT,
     (SurfaceTree, SurfaceTree): _SURFACES,
@@ -40,15 +40,16 @@ ENTRIES = {
     (MeshTree, SurfaceTree): _SURFACE_MESH,
     (BoxTree, SurfaceTree): _SURFACE_MESH,
     (RevolutionTree, RevolutionTree): _RINGS,
-    # Against all else, solids of revolution are taken for their patches.
+    # Against every other kind, solids of revolution are treated as their patches.
     (RevolutionTree, SurfaceTree): _SURFACES,
     (SurfaceTree, RevolutionTree): _SURFACES,
     **dict.fromkeys([(RevolutionTree, mesh) for mesh in MESHES], _SURFACE_MESH),
     **dict.fromkeys([(mesh, RevolutionTree) for mesh in MESHES], _SURFACE_MESH),
 }
-"""By the types of both trees, and then by what a search in that order has open."""
+"""The entries by the types of both trees, then by the type that holds the open pairs, one for each
+order of a search."""
 
 
 def is_turned(kind_a, kind_b):
-    """Whether the entry for these types takes the second model for its first one."""
+    """Return whether the entry for these types takes the second model as its first."""
     return kind_a in MESHES and kind_b not in MESHES

@@ -1,4 +1,7 @@
-"""What of a mesh lies in an empty ball of a surface: a triangle, or the volumes of a node."""
+"""Whether parts of a mesh lie in an empty ball of a surface: a triangle, or the volumes of a node.
+
+An empty ball holds no point of the surface (see surface/empty_ball.py).
+"""
 
 from __future__ import annotations
 
@@ -33,7 +36,7 @@ _ALL = (1 << WIDTH) - 1
 
 @inlined
 def is_within(mesh, t, place, radius):
-    """Whether a triangle lies in a ball around a place."""
+    """Return whether a triangle lies in a ball around a place, both in the mesh's frame."""
     if not radius > 0.0:
         return False
     centre = vector(place)
@@ -44,10 +47,11 @@ def is_within(mesh, t, place, radius):
 
 @loop16
 def _reaches(nodes, base, x, y, z, gaps):
-    """How far from a point each lane of the node at `base` reaches, at the most; node units.
+    """Write how far from a point each lane of the node at `base` reaches at most, in node units.
 
-    The farthest point of a rectangle is a corner. As half axes are perpendicular but for rounding,
-    its squared distance from c is c² + a² + b² + 2 a |c u| + 2 b |c v|.
+    The farthest point of a rectangle is a corner. The half axes are perpendicular up to rounding,
+    so its squared distance is c² + a² + b² + 2 a |c u| + 2 b |c v|, with c from the rectangle's
+    centre to the point.
     """
     for k in range(WIDTH):
         i = base + uint64(k)
@@ -63,16 +67,17 @@ def _reaches(nodes, base, x, y, z, gaps):
 
 @inlined
 def lanes_beyond(tree, node, progress, limit, reaches):
-    """The bits of the lanes of a node that do not lie in the ball, less `limit`, metres.
+    """Return the bits of a node's lanes that may reach out of the ball shrunk by `limit` metres.
 
     `reaches` is room for sixteen float32.
     """
-    # With M the sum of the centre's norm and the node's reach: rounding the centre and subtracting
-    # a lane's errs by 3 u32 M, and so does the farthest distance. All terms of its square are
-    # positive, so that errs by a share: 8 u32 in any order of summation, 6 u32 as axes may be
-    # longer than units, and as much as they are perpendicular but for 6 u32, 2 a b being at most
-    # a² + b². Its root errs by 10 u32 of itself, the radius and the limit are rounded by 3 u32 M.
-    # Together less than 24 u32 M. No number here is NaN, which would count as within.
+    # Let M be the sum of the centre's norm and the node's reach. Rounding the centre and
+    # subtracting a lane's centre errs by 3 u32 M, and so does the farthest distance. All terms of
+    # its square are positive, so the square errs by a share of itself: 8 u32 in any order of
+    # summation, 6 u32 because axes may be longer than units, and 6 u32 because they are
+    # perpendicular only up to 6 u32 (2 a b <= a² + b²). So the root errs by 10 u32 of itself. The
+    # radius and the limit are rounded by 3 u32 M. Together less than 24 u32 M. No number is NaN,
+    # which would count as inside.
     room = (min(progress.ball[3], progress.ball[4]) - limit) * tree.scale[1]
     if not room > 0.0:
         return _ALL

@@ -1,6 +1,7 @@
-"""The parts of searches that are kernels of their own, each called as its search calls it.
+"""Entries for the parts of searches that are compiled separately, each called as in its search.
 
-Nobody asks these: compiling them compiles the part, beside the search that will wait for it.
+No query uses these entries. To compile one is to compile the part, in parallel with the search that
+needs it.
 """
 
 from __future__ import annotations
@@ -14,11 +15,11 @@ from ..search.stubs import divide
 from . import divided  # noqa: F401 - it implements the stub
 
 KIND_A = KIND_B = WAITING = None
-"""Other ones in each."""
+"""Placeholders. Each compiled entry substitutes its own types."""
 
 
 def _cells(models, memory):
-    """The cells of two models, models (2, m, 2) their tables and memory that of a state."""
+    """Divide the cells of two models; `models` (2, m, 2) are their tables, `memory` a state's."""
     state = state_at(DepthFirst, WAITING, memory)
     tree_a, _ = tree_at(KIND_A, models[0])
     tree_b, _ = tree_at(KIND_B, models[1])
@@ -26,7 +27,7 @@ def _cells(models, memory):
 
 
 def _rings(models, memory):
-    """The rings of two models, likewise."""
+    """Search the rings of two models; arguments as for `_cells`."""
     state = state_at(DepthFirst, WAITING, memory)
     tree_a, _ = tree_at(KIND_A, models[0])
     tree_b, _ = tree_at(KIND_B, models[1])

@@ -1,4 +1,4 @@
-"""How the nearest points of two meshes are improved: by what is nearest to a point."""
+"""How a search improves the nearest points of two meshes: by queries for the nearest triangle."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from ..tree.layout import WIDTH, radius_of, row
 
 @kernel
 def _near(tree, p, nearby, state, steps, stack, bounds, found):
-    """A triangle near p, a point in the tree's frame."""
+    """Return a triangle near p, a point in the tree's frame."""
     distance, nearby, top = begin_nearest(tree, p, nearby, stack, bounds)
     slack = state.progress[0].bound_slack
     _, nearby, _, left = nearest(
@@ -29,7 +29,7 @@ def _near(tree, p, nearby, state, steps, stack, bounds, found):
 
 @kernel
 def _point_near(tree, t, p):
-    """The point of a triangle that is nearest to p."""
+    """Return the point of triangle t nearest to p."""
     a, b, c = corners(tree.triangles, t)
     _, v, w = point_triangle(p, a, b, c)
     return along(along(a, sub(b, a), v), sub(c, a), w)
@@ -38,10 +38,10 @@ def _point_near(tree, t, p):
 @implements(stubs.guess, MESHES, MESHES)
 @kernel
 def _guess(tree_a, tree_b, state):
-    """Measure a triangle of a near the middle of b, one of b near it, and so on to and fro.
+    """Find a triangle of a near b's middle, then one of b near that triangle; measure the pair.
 
-    They are near as far as walks down the hierarchies tell. Where the models' spheres meet, either
-    may be around the other, and a second walk down each pays.
+    One walk down a hierarchy finds each triangle, so it is near but perhaps not the nearest. If the
+    models' spheres meet, either model may surround the other, and a second walk down each pays.
     """
     progress, motions = state.progress[0], state.motions
     found = on_stack(WIDTH, np.float32(0.0))
@@ -61,7 +61,7 @@ def _guess(tree_a, tree_b, state):
 @implements(stubs.approach, MESHES, MESHES)
 @kernel
 def _approach(tree_a, tree_b, state, steps, found):
-    """The triangle of b nearest to the nearest point of a, and that of a nearest to its point."""
+    """Measure the triangle of b nearest to a's nearest point, then that of a nearest to b's."""
     progress, motions = state.progress[0], state.motions
     stack, bounds = on_stack(ROOM, np.int32(0)), on_stack(ROOM, 0.0)
     ta, tb = progress.element_a, progress.element_b

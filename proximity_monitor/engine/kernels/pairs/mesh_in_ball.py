@@ -1,11 +1,14 @@
-"""The triangles of a mesh that lie in an empty ball of a surface: all are dismissed by that.
+"""An empty ball of a surface, which dismisses all triangles of a mesh inside it.
 
-Pairs of a surface's pieces and triangles are many where pieces bend by more than the triangles are
-farther than the nearest one. Most of these lie in a ball that touches the surface at its nearest
-point (see surface/empty_ball.py), and the distances of their corners from its centre tell. About
-the nearest point of the mesh, where it lies within a triangle or on an edge, corners are a little
-outside: the pieces that the ball does not touch are farther from its centre than the one that it
-leans on, and that one, where it bends away, is dismissed along the direction between both points.
+Many pairs of pieces and triangles remain if the pieces bend by more than the triangles' distances
+differ from the smallest one. Most of these triangles lie in an empty ball: it touches the surface
+at its nearest point and holds no point of it (see surface/empty_ball.py). The distances of a
+triangle's corners from the ball's centre show that.
+
+If the nearest point of the mesh lies within a triangle or on an edge, the corners around it are a
+little outside the ball. But the ball leans on, that is touches, one piece only. All other pieces
+are farther from its centre, so a larger ball dismisses pairs with them. Pairs with the piece that
+it leans on are dismissed along the direction between the nearest points, if that piece bends away.
 """
 
 from __future__ import annotations
@@ -28,39 +31,39 @@ from .mesh_nearer import LOOK, improve, nearest_points
 from .revolution_mesh import go_down, is_convex, is_due
 
 _STEPS = 48
-"""Steps of a search that looking for a ball takes as long as, but for what improving the nearest
-points and looks at the surface take."""
+"""Cost of looking for a ball, in steps of a search, without improving the nearest points and the
+looks at the surface."""
 
 _LARGE, _MORE = 4.0, 2e-4
-"""How large a ball is at the most, as a share of the spheres around both models; and how much
-farther from its centre other pieces may be known to be."""
+"""Largest radius of a ball, as a share of the radii of the spheres around both models; and, as such
+a share, how much farther from its centre the search can know the other pieces to be."""
 
 _SOON, _LOOKED = 16 * WIDTH, -2
-"""Bounds of volumes after which a ball is looked for in any case, as no volume within it is opened;
-and what tells that it has been."""
+"""Bounds of volumes after which a search looks for a first ball, since no volume inside a ball is
+opened; and the value of `progress.leaning` that says that it has looked."""
 
 _ASKED = 0.5
-"""Share of the distance found so far that is asked about at the least for that."""
+"""It looks for this first ball only if the limit exceeds this share of the distance so far."""
 
 _LATER, _LEAST = 4, 8
-"""How many times as many pairs are compared until the next ball is looked for; and how many at the
-least."""
+"""The next ball is looked for when so many times as many pairs have been compared, and not before
+so many."""
 
 _TURNS, _FEW_TURNS = 10, 5
-"""Times that the nearest points are improved first, at the most, and where it is soon."""
+"""Most turns in which the nearest points are improved first; and the same for the first ball."""
 
 
 @kernel
 def _find(surface, mesh, state, soon):
-    """Look for a ball of a surface beside its nearest point; returns the steps taken.
+    """Look for an empty ball beside the surface's nearest point; return the cost in steps.
 
-    SOON, before much is known, only where the nearest points are found in a few turns.
+    SOON, before much is known, give up unless a few turns find the nearest points.
 
-    Moving the centre c errs by no more than moving a point of the models does, but for its larger
-    norm: that of a surface's point is at most `size`, so by 1 + |c| / `size` times the slack of
-    volumes. That holds also for how much longer or shorter an imperfect rotation makes the way to a
-    corner of the mesh, and for what the distance to that errs by, 8 u (|c| + |corner|): of the
-    slack moving the centre takes less than half (see POINT_MARGIN).
+    Moving the centre c errs as moving a point of the models does, but the norm of c may exceed
+    `size`, the largest norm of a surface point. So the error is at most 1 + |c| / `size` times the
+    slack of volumes. Moving the centre takes less than half of that (see POINT_MARGIN). The rest
+    covers how much an imperfect rotation changes the length of the way to a corner of the mesh, and
+    the rounding of that length, 8 u (|c| + |corner|).
     """
     progress, size = state.progress[0], surface.scale[2]
     ball = progress.ball
@@ -91,9 +94,9 @@ def _find(surface, mesh, state, soon):
 
 @inlined
 def _is_soon(progress):
-    """Whether it is time to look for a ball though few pairs of elements were compared.
+    """Return whether to look for a first ball now, though few pairs of elements were compared.
 
-    Not where a clearance far below the distance found so far is all that is asked for.
+    Not if the question is only about a clearance far below the distance found so far.
     """
     soon = progress.bound_tests >= _SOON and progress.leaning == NONE and progress.open > 0
     return soon and progress.limit > _ASKED * progress.distance
@@ -101,7 +104,10 @@ def _is_soon(progress):
 
 @kernel
 def _look(surface, mesh, state):
-    """Lay a plane between the nearest points, which are improved first; returns the steps taken."""
+    """Improve the nearest points and lay a plane between them; return the cost in steps.
+
+    A surface that is no convex solid has its nearest points improved for the first plane only.
+    """
     progress, steps = state.progress[0], 0
     if not is_convex(surface) and progress.laid == np.inf:
         _, steps = improve(surface, mesh, state, _FEW_TURNS)
@@ -129,7 +135,7 @@ def _find_ball(surface, mesh, state):
 @inlined
 def _has_in_ball(tree, t, surface, element, progress):
     own, room = progress.ball[3], progress.ball[4]
-    if surface.pieces[element].edge != NONE:  # nothing is known of it but of the piece it lies on
+    if surface.pieces[element].edge != NONE:  # it lies on a piece, the leaning one or another
         room = min(own, room)
     elif element == progress.leaning:
         room = own

@@ -1,4 +1,4 @@
-"""Meshes against meshes: what `search/stubs.py` asks for of triangles, and the entries."""
+"""Meshes against meshes: the stubs of `search/stubs.py` for triangles, and the entries."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ from . import mesh_approach, mesh_sample, swept  # noqa: F401 - each implements 
 
 _LOCAL = CORNERS - 3 * BATCH
 _FILTER_STEPS, _EXACT_STEPS = 5, 4
-"""Steps that the filter of a batch of triangles takes as long as, and an exact test: so a slice of
-steps is one of time."""
+"""Costs of filtering a batch of triangle pairs and of one exact test, in steps, so that a slice of
+steps is a slice of time."""
 
 
 @implements(stubs.slacks, MESHES, MESHES)
@@ -45,8 +45,8 @@ def _resolve(tree_a, tree_b, state, n, steps, scratch):
     taken, n = take_batch(tree_a, tree_b, state, n, pairs, gathered)
     if taken == 0:
         return n, steps
-    # The pair with the smallest lower bound comes first: what it makes of the distance often
-    # dismisses the others.
+    # The pair with the smallest lower bound comes first: it often lowers the distance enough to
+    # dismiss the others.
     progress = state.progress[0]
     tested = 0
     scale = min(tree_a.scale[1], tree_b.scale[1])
@@ -55,9 +55,9 @@ def _resolve(tree_a, tree_b, state, n, steps, scratch):
     shift(gathered, state.motions[0], scale, local)
     gaps(local, float32(progress.slack * scale * (1.0 + 1e-6)), found)
     remaining = (1 << taken) - 1
-    # With a tolerance or a clearance the limit is below the distance. The first to be measured may
-    # lie between the two: what is nearer than all that was found so far lowers the limit of a
-    # tolerance, and tells where to measure along what is beside it.
+    # With a tolerance or a clearance, the limit is below the distance. The first pair measured may
+    # lie between the two: if it is nearer than all found so far, it lowers the limit of a
+    # tolerance, and its direction serves to measure its neighbours along.
     nearest = max(progress.limit, progress.distance)
     while True:
         reach = np.float32(min(nearest * scale * (1.0 + 1e-6), 3e38))
@@ -67,7 +67,7 @@ def _resolve(tree_a, tree_b, state, n, steps, scratch):
         k = nearest_lane(found, remaining)
         remaining &= ~(1 << k)
         ta, tb = pairs[k, 0], pairs[k, 1]
-        if tested > 0:  # the direction to measure along may have changed since they were gathered
+        if tested > 0:  # the search direction may have changed since the pairs were gathered
             gap = gap_along(progress, tree_a.triangles, ta, tree_b.triangles, tb)
             if gap >= progress.limit:
                 continue
@@ -93,9 +93,9 @@ def _parameters(tree, element, weights):
 
 @inlined
 def take_batch(tree_a, tree_b, state, n, pairs, gathered):
-    """Gather the triangles of the last of n waiting pairs of leaves that still matter.
+    """Gather the triangle pairs that still matter, from the last of n waiting pairs of leaves.
 
-    Returns how many pairs of triangles were taken, and how many pairs of leaves wait.
+    Returns how many pairs of triangles were taken, and how many pairs of leaves still wait.
     """
     progress, a, b = state.progress[0], tree_a.triangles, tree_b.triangles
     waiting = state.waiting
@@ -107,7 +107,7 @@ def take_batch(tree_a, tree_b, state, n, pairs, gathered):
             continue
         leaf_a = np.int64(tree_a.children[waiting.lanes[n, 0]])
         leaf_b = np.int64(tree_b.children[waiting.lanes[n, 1]])
-        # The gaps of all their triangles along the search direction: each is measured once.
+        # Where the triangles begin and end along the search direction, each measured once.
         first_a, last_a = first_of(leaf_a), last_of(leaf_a)
         first_b, last_b = first_of(leaf_b), last_of(leaf_b)
         progress.primitive_tests += (last_a - first_a + 1) * (last_b - first_b + 1)

@@ -1,11 +1,11 @@
-"""Nearest points of a surface and a mesh, moved in turns to where the models are nearest near by.
+"""Moves the nearest points known of a surface and a mesh, in turns, to a local minimum.
 
-A turn is a place where the surface's point should be, the point of the surface nearest to that, the
-triangle nearest to this one, and Newton's method between both. Projections from one model onto the
-other alone go in small steps between models that are near each other for their size. So where the
-mesh faces the surface, the place is behind the mesh's point: from the middle of a ball, all of its
-surface is as near. Where the two cross near by, it is on the line in which the planes that touch
-them meet. Nothing is proven by any of this.
+A turn chooses a place to look from, finds the point of the surface nearest to that place, then the
+triangle nearest to that point, and runs Newton's method between the two. Plain projections from one
+model onto the other would go in small steps between models that are near each other for their size.
+So if the mesh faces the surface, the place lies behind the mesh's point: from the middle of a ball,
+all of its surface is equally near. If the models cross nearby, the place lies on the line in which
+their tangent planes meet. None of this proves anything.
 """
 
 from __future__ import annotations
@@ -27,49 +27,52 @@ from ..surface.sides import near
 from ..tree.layout import WIDTH, radius_of
 
 LOOK = 2
-"""Steps of a search that a look at a rectangle of a piece takes as long as."""
+"""Cost of a look at a rectangle of a piece, in steps of a search."""
 
 _STEPS = 32
 """Steps of each search for a near piece or triangle."""
 
 _LITTLE = 1e-6
-"""Share of the distance, or of its square, less than which ends the turns."""
+"""A smaller change, as a share of the distance or of its square, ends the turns."""
 
 _AWAY = 0.25
-"""How far a point may go to where the models seem to cross, as a share of the smaller one."""
+"""How far a point may go to where the models seem to cross, as a share of the smaller radius."""
 
 _PARALLEL = 1e-3
-"""Square of the sine of the angle between normals from which on planes meet in a line."""
+"""Square of the sine of the angle between two normals above which their planes meet in a line."""
 
 _GAIN, _SHORTER = 0.9, 0.25
-"""Share of the distance that such a step may leave, or the next one is as much shorter."""
+"""If a step to a crossing leaves more than the first share of the distance, the next step goes at
+most the second share as far."""
 
 
 @inlined
 def nearest_points(progress):
-    """The elements and weights of the nearest points known, of the surface and of the mesh."""
+    """Return element and weights of the nearest points known, of the surface, then of the mesh."""
     s, ws = progress.element_a, vector(progress.weights_a)
     return s, ws, progress.element_b, vector(progress.weights_b)
 
 
 @inlined
 def _normal_of(mesh, t, motion):
-    """The unit normal of a triangle, turned; zero where it has none."""
+    """Return the unit normal of a triangle, turned by the motion; zero if it has none."""
     a, b, c = corners(mesh.triangles, t)
     return rotated(motion, across(sub(b, a), sub(c, a)))
 
 
 @kernel
 def _aim(p, n, q, m, behind, far):
-    """Where to look for a nearer point of a surface than p, when the mesh's is q.
+    """Choose the place from which to look for a point of the surface nearer than p.
 
-    `n` and `m` are the normals there. Where the models may cross no farther off than `far`, it is
-    on the line in which the planes meet; otherwise so far `behind` q, if that faces p, or q itself.
-    A mesh faces what is on its outer side. Where nothing was found from behind, the outer side of
-    the surface counts as well, and where they do not face each other they cross somewhere: then the
-    place is on the way to that line. Models without such sides only take longer.
+    The mesh's point is q; `n` and `m` are the normals at p and q. If the models may cross within
+    `far` of p, the place is on the line in which their tangent planes meet. Otherwise the place is
+    `behind` metres behind q if the mesh faces p, else q itself.
 
-    Returns also how far from p it is, where they may cross; infinity elsewhere.
+    A mesh faces what is on its outer side. After looking from behind was in vain (`behind` is 0),
+    the surface has to face the mesh, too. Models that do not face each other cross somewhere: then
+    the place is on the way to that line. Models without an outer side only take longer.
+
+    Returns also how far from p the place is if the models may cross, else infinity.
     """
     way = sub(q, p)
     apart = norm(way)
@@ -87,10 +90,10 @@ def _aim(p, n, q, m, behind, far):
 
 @kernel
 def improve(surface, mesh, state, turns):
-    """Move the nearest points known to where the models are nearest near by, in so many turns.
+    """Move the nearest points known to a local minimum, in at most so many turns.
 
-    Returns whether they are there, and the steps. They are where a search of all the surface finds
-    none nearer to the place, nor one of the mesh a nearer triangle.
+    Returns whether they reached it, and the cost in steps. They did if a search of the whole
+    surface finds no point nearer to the place, and a search of the mesh no nearer triangle.
     """
     progress = state.progress[0]
     to_surface, to_mesh = state.motions[0], state.motions[1]

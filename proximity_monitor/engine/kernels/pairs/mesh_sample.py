@@ -1,4 +1,4 @@
-"""The vertices kept of each volume (see tree/spread.py), which a search by levels compares."""
+"""Compares the few vertices kept of each volume (see tree/spread.py), for a search by levels."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from ..tree.layout import first_of, last_of
 @implements(stubs.sample, MESHES, MESHES)
 @kernel
 def _sample(tree_a, tree_b, state, a, b):
-    """Keep the nearest two of the vertices kept of two volumes, where nothing nearer is known.
+    """Find the nearest two of the vertices kept of two volumes; keep them if none known is nearer.
 
-    Their distance errs by less than that of triangles does, which SLACK covers.
+    Their distance errs by less than that of triangles, which the slack covers.
     """
     known = state.progress[0].distance
     best, way = known * known, (0.0, 0.0, 0.0)
@@ -41,7 +41,7 @@ def _sample(tree_a, tree_b, state, a, b):
 
 @kernel
 def _vertex(tree, spread, lane, i):
-    """The i-th vertex that is kept of a lane, as 3 triangle + corner, and where it is."""
+    """Return the i-th vertex kept of a lane, as 3 triangle + corner, and its position."""
     child = tree.children[lane]
     if child >= 0:
         corner = np.int64(spread[child, i])

@@ -1,8 +1,8 @@
-"""Solids of revolution beside meshes: what a search gains by the profile.
+"""Solids of revolution beside meshes: what a search gains from the profile.
 
-It begins with a local minimum, by point queries in turns, as in search/approach.py, but between two
-of these Newton's method goes to where the triangle is nearest (see revolution/triangle.py). Then
-a plane tells what of the mesh is no nearer (see beyond_plane.py).
+The search begins with a local minimum, found by alternating point queries as in search/approach.py.
+After each query, Newton's method finds where the triangle is nearest (see revolution/triangle.py).
+Then a plane dismisses the parts of the mesh that are no nearer (see beyond_plane.py).
 """
 
 from __future__ import annotations
@@ -39,38 +39,39 @@ from .beyond_plane import (
 )
 
 _TURNS, _STEPS = 8, 32
-"""Turns of a descent, and steps of each search for the triangle nearest to a point."""
+"""Most turns of a descent, and most steps of each search for the triangle nearest to a point."""
 
 _GAIN = 1e-12
-"""Share of the distance that is no gain, of a turn and of a nearest point."""
+"""A gain of a turn below this share of the distance counts as none. Nearest points of a profile are
+found to this share of `frame[4, 0]`, the length to which the errors of its arcs are relative."""
 
 _NEARER = 0.999
-"""Share of the distance from which on another plane is laid."""
+"""Another plane is laid once the distance is below this share of that at the last plane."""
 
 _FAILED = 2
-"""How often a plane may tell too little until none is laid any more in a search."""
+"""After so many planes beside parts of the mesh that held off too little, a search lays no more."""
 
 _CONVEX = 0.9
-"""Share of the distance of a node's middle that a plane has to leave of it."""
+"""A plane is of use only if a node's middle is beyond it by this share of its distance."""
 
 LEAF_STEPS = 4
-"""Steps of a search that a leaf's triangles take as long as."""
+"""Cost of the triangles of a leaf, in steps of a search."""
 
 DESCENT_STEPS = 32
-"""Steps of a search that a turn of a descent takes as long as."""
+"""Cost of a turn of a descent, in steps of a search."""
 
 
 @inlined
 def is_convex(surface):
-    """Whether it is a solid of revolution, about convex: a local minimum is the only one then."""
+    """Return whether it is a nearly convex solid of revolution: then there is one local minimum."""
     return has_profile(surface) and revolution_of(surface).frame[4, 1] > 0.0
 
 
 @kernel
 def _frame_of(solid, motion, made):
-    """Write the motion from a mesh to the frame of a profile, of twelve numbers.
+    """Write the motion (12,) from a mesh's frame to that of a profile into `made`.
 
-    The given one leads into the frame of the profile's model.
+    `motion` leads to the frame of the profile's model.
     """
     f = solid.frame
     for i in range(3):
@@ -84,9 +85,10 @@ def _frame_of(solid, motion, made):
 
 @kernel
 def _nearest_triangle(mesh, p, t, found):
-    """A triangle of a mesh about nearest to a point, its distance and the weights v and w there.
+    """Find a triangle of a mesh that is nearest to a point, or nearly; begin with triangle t.
 
-    The search begins with a triangle that may be so; `found` is room for sixteen float32.
+    Returns it, its distance, and the weights v and w of its nearest point. `found` is room for
+    sixteen float32.
     """
     stack, bounds = on_stack(ROOM, np.int32(0)), on_stack(ROOM, 0.0)
     distance, t, top = begin_nearest(mesh, p, t, stack, bounds)
@@ -98,7 +100,7 @@ def _nearest_triangle(mesh, p, t, found):
 
 @kernel
 def _first_triangle(solid, mesh, motion, spare, found):
-    """The triangle of a mesh about nearest to where a solid is nearest to the mesh's middle."""
+    """Find a triangle near the point of the solid that is nearest to the middle of the mesh."""
     middle = scaled(row(mesh.centres, 0), mesh.scale[0])
     foot = moved_back(motion, foot_of(solid, moved(motion, middle), spare))
     return _nearest_triangle(mesh, foot, walk(Point(foot, 0.0, 0.0, 0.0, 0.0), mesh, found), found)
@@ -106,17 +108,18 @@ def _first_triangle(solid, mesh, motion, spare, found):
 
 @kernel
 def _keep(surface, mesh, state, solid, t, here, y, v, w):
-    """Keep a point of a triangle and the solid's nearest to it, where they are the nearest."""
+    """Keep a point of a triangle and the solid's point nearest to it, if none known is nearer."""
     element, at = place_of(solid, here.piece, here.t, math.atan2(y[1], y[0]))
     measure_near(surface, mesh, state, element, at, t, (1.0 - v - w, v, w), 0)
 
 
 @kernel
 def go_down(surface, mesh, state, fresh):
-    """Go down to a local minimum of the distance of a solid of revolution and a mesh.
+    """Descend to a local minimum of the distance of a solid of revolution and a mesh.
 
-    FRESH, it begins with the middle of the mesh, else with the nearest points known. The nearest
-    points are kept, and a plane is laid between them. Returns the steps it took.
+    FRESH, begin with the middle of the mesh. Otherwise first lay a plane between the nearest points
+    known, and go on from them only if the surface is a convex solid. Each turn keeps the nearest
+    points and lays a plane between them. Returns the cost in steps.
     """
     progress = state.progress[0]
     if not fresh:
@@ -157,11 +160,11 @@ def go_down(surface, mesh, state, fresh):
 
 @kernel
 def _open_beside(surface, mesh, state, lane, bound, lows):
-    """Open a volume of a mesh beside a solid of revolution, by a plane of its own.
+    """Open a volume of a mesh beside a solid of revolution, with a plane laid for that volume.
 
-    That is laid across the way from the solid to the middle of the node below. Where the solid is
-    not convex there it tells little, and the search goes on as beside other surfaces. A leaf's
-    triangles have planes of their own. See `stubs.open_whole`.
+    The plane is perpendicular to the way from the solid to the middle of the node below. If the
+    solid is not convex there, the plane holds off little, and the search goes on as beside other
+    surfaces. Each triangle of a leaf has its own plane. Returns as `stubs.open_whole` does.
     """
     progress, solid = state.progress[0], revolution_of(surface)
     child = np.int64(mesh.children[lane])
@@ -205,9 +208,9 @@ def _open_beside(surface, mesh, state, lane, bound, lows):
 
 @kernel
 def _is_farther(surface, mesh, state, solid, t, motion, to_surface, spare):
-    """Whether a triangle is beyond the limit, by the plane where it is nearest.
+    """Return whether a triangle is beyond the limit, by a plane laid where it is nearest.
 
-    Where it is nearer than what is known, it lowers the limit first.
+    If the triangle is nearer than all found so far, keep it first, which lowers the limit.
     """
     progress = state.progress[0]
     a, b, c = corners(mesh.triangles, t)
@@ -225,13 +228,13 @@ def _is_farther(surface, mesh, state, solid, t, motion, to_surface, spare):
 
 @inlined
 def _serves(progress, surface):
-    """Whether planes of their own are worth laying beside volumes and triangles of a mesh."""
+    """Return whether it pays to lay a plane for each volume and each triangle of a mesh."""
     return is_convex(surface) and progress.futile < _FAILED
 
 
 @inlined
 def is_due(progress, surface):
-    """Whether the nearest points are so much nearer that another plane may hold off more."""
+    """Return whether the distance has fallen so far that another plane may hold off more."""
     nearer = progress.slack < progress.distance < _NEARER * progress.laid
     return nearer and progress.open > 0 and (is_convex(surface) or progress.resting == 0)
 

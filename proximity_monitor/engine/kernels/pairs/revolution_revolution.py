@@ -1,4 +1,4 @@
-"""Solids of revolution against each other: what a search asks of their profiles, and the entry."""
+"""Solids of revolution against each other: the stubs for their profiles, and the entry."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ def _settle(waiting, tree_a, tree_b, state):
 @implements(stubs.guess, RevolutionTree, RevolutionTree)
 @kernel
 def _guess(tree_a, tree_b, state):
-    if has_leapt(tree_a, tree_b, state) or not remembers(state):  # or may have, for all we know
+    if has_leapt(tree_a, tree_b, state) or not remembers(state):  # or nothing is known of it
         look_around(tree_a, tree_b, state)
-    elif state.progress[0].minima == 0:  # else a minimum has been looked for already
+    elif state.progress[0].minima == 0:  # else a minimum was looked for already
         measure_again(tree_a, tree_b, state)
 
 
@@ -43,7 +43,7 @@ def _guess(tree_a, tree_b, state):
 @kernel
 def _measure(tree_a, tree_b, state, a, b, bound):
     progress = state.progress[0]
-    if a == 0 and b == 0:  # as where nothing is known
+    if a == 0 and b == 0:  # the elements to begin with if nothing is known
         look_around(tree_a, tree_b, state)
         return
     for i in range(2):
@@ -54,7 +54,7 @@ def _measure(tree_a, tree_b, state, a, b, bound):
 @implements(stubs.compare, Turning)
 @inlined
 def _compare(waiting, tree_a, tree_b, state, a, b):
-    pass  # elements alone are compared as those of surfaces
+    pass  # questions about two elements alone go to the entry for surfaces
 
 
 @implements(stubs.least_undivided, Turning)

@@ -1,4 +1,4 @@
-"""Surfaces against meshes: a triangle is not divided, and a surface's cell faces all of it."""
+"""Surfaces against meshes: no triangle is divided, and a surface's cell faces a whole triangle."""
 
 from __future__ import annotations
 
@@ -126,23 +126,23 @@ def _normal(tree, cells, index):
 
 @inlined
 def _place_in(cell, q):
-    """Where a cell's parallelogram comes near to q."""
+    """Return the place on a cell's parallelogram that is nearest to q."""
     u, v = vector(cell.along_u), vector(cell.along_v)
     return closest_in(vector(cell.centre), u, v, q)
 
 
 @inlined
 def _point_of(cell, place):
-    """The point of a cell's parallelogram at a place."""
+    """Return the point of a cell's parallelogram at a place."""
     p = along(vector(cell.centre), vector(cell.along_u), place[0])
     return along(p, vector(cell.along_v), place[1])
 
 
 @kernel
 def _across(p, way, triangle):
-    """The weights of the point of a triangle nearest to the line through p along `way`.
+    """Return the weights of the point of a triangle nearest to the line through p along `way`.
 
-    That is the one nearest to p when the triangle is projected along the line.
+    If the triangle is projected along the line, this is the point nearest to p.
     """
     a, b, c = sub(triangle[0], p), sub(triangle[1], p), sub(triangle[2], p)
     share = 1.0 / dot(way, way)
@@ -154,12 +154,12 @@ def _across(p, way, triangle):
 
 @kernel
 def _facing(cell, triangle):
-    """The way from a near point of a cell's parallelogram to one of a triangle, in one frame.
+    """Return the way from a near point of a cell's parallelogram to one of a triangle.
 
-    Returns also the place of the first and the weights of the other. From the cell's centre it is a
-    projection onto the triangle, one back, and one onto the triangle again. The way must not be
-    tilted along that, which beside a small cell is as large as ever, nor along a cell that is far
-    longer than wide: a line along it takes the cell's place.
+    Both are in one frame. Returns also the place of the first point and the weights of the second.
+    The cell's centre is projected onto the triangle, back, and onto the triangle again. The way
+    must not be tilted along the triangle, which stays large while cells get small. Nor must it be
+    tilted along a cell that is far longer than wide: then a line along the cell takes its place.
     """
     p, u, v = vector(cell.centre), vector(cell.along_u), vector(cell.along_v)
     uu, vv = dot(u, u), dot(v, v)
@@ -178,7 +178,7 @@ def _facing(cell, triangle):
     last = at + dot(way, line) / dot(line, line)
     if -1.0 <= last <= 1.0:
         place = (last, place[1]) if uu > vv else (place[0], last)
-        for _ in range(2):  # the second time what rounding has left
+        for _ in range(2):  # the second time removes what rounding has left
             way = along(way, line, -dot(way, line) / dot(line, line))
         return way, place, weights
     last = min(max(last, -1.0), 1.0)

@@ -1,6 +1,6 @@
-"""What all hierarchies of swept spheres have in common, whatever their elements: the bounds.
+"""Bounds between hierarchies of swept spheres, whatever their elements.
 
-Hierarchies of boxes differ in how a lane is bounded alone (see `tighten`).
+Hierarchies of boxes use the same bounds, and only `tighten` them, lane by lane.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Newton's method between a surface and a triangle: the parameters are those of the surface alone.
+"""Newton's method between a surface and a triangle, over the parameters of the surface alone.
 
-The triangle's own point follows, as the nearest to the surface's. So there are two parameters, and
-what belongs to the triangle is found out once.
+The point of the triangle follows: it is always the one nearest to the surface's point. So there are
+only two parameters, and `prepare` computes what belongs to the triangle once.
 """
 
 from __future__ import annotations
@@ -25,17 +25,17 @@ from ..surface.newton import (
 from .triangle_proofs import face_normal, foot_beside
 
 _WEIGHTS, _EDGE, _TRIANGLE, _FACE = 30, 33, 37, 46
-"""Where the weights of a triangle's point stand in `jets`, and the direction in which it may move:
-along an edge, or of its normal where it lies within the face. Then the triangle in a's frame, and
-its normal, of any length."""
+"""Offsets in `jets`: the weights of the triangle's point; the direction of the edge along which it
+may move, or the triangle's normal if it lies within the face; the triangle in a's frame; and its
+normal, of any length."""
 
 _CORNER, _ON_EDGE, _WITHIN = 0.0, 1.0, 2.0
-"""Where it lies; after its direction."""
+"""Where the triangle's point lies. This number follows its direction in `jets`."""
 
 
 @kernel
 def placed(tree, index, motion):
-    """A triangle, moved."""
+    """Return the corners of a triangle, moved."""
     a, b, c = corners(tree.triangles, index)
     return moved(motion, a), moved(motion, b), moved(motion, c)
 
@@ -63,7 +63,7 @@ def _prepare(tree_a, tree_b, element_a, element_b, motion, jets):
 
 @kernel
 def _nearest_of(p, jets):
-    """The point of the triangle nearest to p; its weights and how it may move into `jets`."""
+    """Return the point of the triangle nearest to p; write its weights and direction to `jets`."""
     triangle = get(jets, _TRIANGLE), get(jets, _TRIANGLE + 3), get(jets, _TRIANGLE + 6)
     normal = get(jets, _FACE)
     weights = foot_beside(p, triangle, normal)
@@ -96,10 +96,10 @@ def _way_to_triangle(tree_a, tree_b, element_a, element_b, motion, x, jets):
 @implements(derivatives, SurfaceTree, MeshTree)
 @kernel
 def _derivatives(tree_a, tree_b, way, jets, gradient, hessian):
-    """Those by the surface's own parameters, while the triangle's point stays nearest.
+    """Write gradient and Hessian by the surface's parameters; the triangle's point stays nearest.
 
-    As that follows, what it can do along its edge or in its face does not count: the part of a
-    derivative in that direction is left out of the products.
+    The triangle's point follows along its edge or within its face, so movement in these directions
+    does not count: the products leave out that part of each derivative.
     """
     kind, its_way = jets[_EDGE + 3], get(jets, _EDGE)
     for i in range(4):
@@ -123,7 +123,7 @@ def _derivatives(tree_a, tree_b, way, jets, gradient, hessian):
 @implements(solve, SurfaceTree, MeshTree)
 @kernel
 def _solve(tree_a, tree_b, x, gradient, hessian, damping, factor, step):
-    """Newton's step over the surface's parameters, by the steps of Cholesky's method."""
+    """Compute Newton's step over the surface's parameters, by Cholesky's method."""
     free, other = not is_held(x, gradient, 0), not is_held(x, gradient, 1)
     a, b, c = hessian[0, 0], hessian[1, 0], hessian[1, 1]
     scale = max(abs(a) if free else 0.0, abs(c) if other else 0.0)

@@ -1,6 +1,6 @@
-"""Triangles in the proofs that two cells are done with: their parameters, and how points move.
+"""Triangles in the proofs that a pair of cells is done: parameters, and how points move with them.
 
-Of a triangle nothing bends, so all that is said of it holds as it stands.
+See surface/certificate.py. A triangle does not bend, so its derivatives are the same everywhere.
 """
 
 from __future__ import annotations
@@ -19,30 +19,31 @@ from ..surface.certificate import can_be_proven, find_in, put_point, put_ranges
 from ..surface.form import ACROSS, APART, CORNER, ENDS, ERRORS, HALF, MIDDLE, SLOPE, SPREAD
 
 _LARGE = 0.25
-"""A weight that is no error; one of three is at least that."""
+"""A weight larger than any error. One of three weights is at least that."""
 
 
 @kernel
 def foot_on(p, triangle):
-    """The weights of the point of a triangle that is nearest to p."""
+    """Return the weights of the point of a triangle that is nearest to p."""
     return foot_beside(p, triangle, face_normal(triangle))
 
 
 @kernel
 def face_normal(triangle):
-    """A normal of a triangle, of any length; 0 where it has none."""
+    """Return a normal of a triangle, of any length; 0 if it has none."""
     return accurate_cross(sub(triangle[1], triangle[0]), sub(triangle[2], triangle[0]))
 
 
 @kernel
 def foot_beside(p, triangle, n):
-    """The weights of the point of a triangle that is nearest to p, with its normal.
+    """Return the weights of the point of a triangle nearest to p, given a normal n of the triangle.
 
-    Where the foot lies within the face, an edge beside it may be as near but for rounding. The way
-    to that would be tilted, and the bound along it worse by the tilt times the triangle.
+    If the foot lies within the face, take it, although an edge beside it may be as near up to
+    rounding. The way to the edge would be tilted, and the bound along it worse by the tilt times
+    the size of the triangle.
     """
     if triangle[0] == triangle[1] and triangle[0] == triangle[2]:
-        return (1.0, 0.0, 0.0)  # a point: it is known at once
+        return (1.0, 0.0, 0.0)  # the triangle is a point
     e, f, nn = sub(triangle[1], triangle[0]), sub(triangle[2], triangle[0]), dot(n, n)
     if nn > 0.0:
         inside, v, w, _ = point_face(p, triangle[0], e, f, n, nn)
@@ -74,9 +75,9 @@ def _find_in(tree, cells, index, element, weights):
 
 @inlined
 def _on_edges(weights, triangle, p, error):
-    """The weights of a point p of a triangle, 0 where that changes it by less than an error.
+    """Return the weights of a point p of a triangle, 0 where this moves p by less than `error`.
 
-    What is nearest on an edge is known to be so only where it is there to the last digit.
+    A nearest point on an edge is known as such only if it lies on the edge to the last digit.
     """
     a, b, c = weights
     a = a if a > _LARGE or a * norm(sub(triangle[0], p)) > error else 0.0
@@ -92,8 +93,8 @@ def _put_point(tree, cells, index, weights, side):
         side[i] = 0.0
     side[APART] = side[APART + 1] = np.inf
     corner = corners(tree.triangles, index)
-    # From the corner with the largest weight to the other two, that with the least one last: so a
-    # point on an edge or at a corner stands at the end of the parameters that lead away.
+    # The parameters lead from the corner with the largest weight to the other two, that with the
+    # least weight last. So a point on an edge or at a corner is at an end of those that lead away.
     first, second, third = 0, 1, 2
     if weights[second] > weights[first]:
         first, second = second, first
@@ -112,8 +113,8 @@ def _put_point(tree, cells, index, weights, side):
         e, f, s, t = f, e, t, 0.0
     side[CORNER], least, most = 1.0, 0.0, 1.0
     if s > 0.0 and t == 0.0 and norm(f) > 0.0:
-        # On an edge: the other way is across it, where what is done along it does not count. Both
-        # lead to a rectangle that holds the triangle.
+        # On an edge: the second parameter leads straight across it, so movement along the edge does
+        # not count there. The two span a rectangle that holds the triangle.
         beside = dot(f, e) / dot(e, e)
         f = along(f, e, -beside)
         side[CORNER], least, most = 0.0, min(beside, 0.0), max(beside, 1.0)
