@@ -1,8 +1,8 @@
 """Certified minimum distances between models: the library, usable without ROS.
 
-Lengths are metres, poses 4×4 float64 matrices from model to world. Every answer holds certified
-bounds: `lower <= true distance <= upper`. What `within`, `collide` and `closest_points` return is
-described in `questions.decision` and `questions.result`.
+Lengths are metres. Poses are 4×4 float64 matrices from model to world. Every answer holds certified
+bounds: `lower <= true distance <= upper`. `questions.decision` and `questions.result` describe what
+`within`, `collide` and `closest_points` return.
 """
 
 from .assembly.assembly import Assembly

@@ -1,4 +1,4 @@
-"""What is compiled ahead, side by side, by processes of their own (see kernels/base/ahead.py)."""
+"""Which kernels separate processes compile ahead, in parallel (see kernels/base/ahead.py)."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ from .kernels.surface import limits
 from .kernels.tree import build, fit_surface, fit_tree, pairing
 
 Kernel = tuple[Any, tuple[Any, ...]]
-"""An entry, and examples of its arguments: their types are what counts."""
+"""A compiled entry and example arguments, of which only the types matter."""
 
 _IDLE_S = 5.0
-"""How long a process waits for something to do."""
+"""How many seconds an idle process waits before it ends."""
 
 
 def _meshes() -> Iterator[Kernel]:
-    """What the distances of meshes need, those first that are needed late and take longest."""
+    """Yield the kernels for distances of meshes: first those needed late that take longest."""
     real, rows = 0.0, np.empty((0, 4))
     integers, lanes = np.empty((0, 2), np.int32), np.empty(0, np.int32)
     table, tables = np.empty((0, 2), np.int64), np.empty((0, 0, 2), np.int64)
@@ -49,7 +49,7 @@ def _meshes() -> Iterator[Kernel]:
 
 
 def _watching() -> Iterator[Kernel]:
-    """What watching a scene of meshes needs besides."""
+    """Yield the further kernels for watching a scene of meshes."""
     rows, integers = np.empty((0, 4)), np.empty((0, 2), np.int32)
     lanes, table = np.empty(0, np.int32), np.empty((0, 2), np.int64)
     tables = np.empty((0, 0, 2), np.int64)
@@ -63,7 +63,7 @@ def _watching() -> Iterator[Kernel]:
 
 
 def _solids() -> Iterator[Kernel]:
-    """What making a solid of revolution needs as soon as its profile is checked."""
+    """Yield the kernels that building a solid of revolution needs once its profile is checked."""
     points, starts, children = np.empty((0, 3)), np.empty(0, np.int64), np.empty(0, np.int32)
     yield fit_surface.fit_surface, (points, starts, _frozen(children), 0.0)
     yield arcs.build_arcs, (np.empty(0, CURVE_PIECE), 0.0, 0.0)
@@ -72,7 +72,7 @@ def _solids() -> Iterator[Kernel]:
 
 
 def _search(part: Any, search: Any) -> Callable[[], Iterator[Kernel]]:
-    """A search of models with elements that are divided, and the part that it needs late."""
+    """Return a function that yields a search over divisible elements and its part needed late."""
 
     def kernels() -> Iterator[Kernel]:
         rows, table = np.empty((0, 4)), np.empty((0, 2), np.int64)
@@ -95,22 +95,23 @@ FORESEEN: tuple[tuple[set[str], Callable[[], Iterator[Kernel]]], ...] = (
     ({"mesh"}, _meshes),
     ({"mesh", ahead.WATCHING}, _watching),
 )
-"""What is compiled, in this order, once all of these are wanted: kinds of models, and WATCHING.
-What is wanted later goes before what is left then, if it stands above."""
+"""Each row: the names that must all be wanted (kinds of models, WATCHING), and the kernels to
+compile then. The topmost wanted row with kernels left goes first, also if it is wanted later."""
 
 
 def _frozen(array: NDArray[Any]) -> NDArray[Any]:
-    """A view that is not written to: of another type for a kernel."""
+    """Return a read-only view, which has a type of its own for numba."""
     view = array.view()
     view.setflags(write=False)
     return view
 
 
 def work(directory: str) -> None:
-    """Compile what is wanted and no other process compiles, and keep it in a directory.
+    """Compile the wanted kernels that no other process compiles, and cache them in a directory.
 
-    The names of what is wanted come by the standard input, a line each; it ends at once when that
-    does, or when it has had nothing to do for a while.
+    The wanted names arrive on standard input, one per line. The process ends at once when its
+    standard input ends, and after `_IDLE_S` without work. It does nothing if its own cache is
+    in another directory.
     """
     ahead.not_here()
     if str(cache.CACHE_DIRECTORY) != directory:
@@ -130,17 +131,17 @@ def work(directory: str) -> None:
 
 
 def _compile(kernel: Any, arguments: tuple[Any, ...]) -> None:
-    """Compile a kernel that no process has or compiles."""
+    """Compile a kernel unless it is cached or another process compiles it."""
     types = tuple(typeof(argument) for argument in arguments)
     if kernel._cache.is_wanting(types, kernel.targetctx):
-        with suppress(Exception):  # whoever needs it compiles it, and says what is wrong
+        with suppress(Exception):  # the process that needs it compiles it and reports the error
             kernel.compile(types)
 
 
 def _listen(names: Queue[str]) -> None:
-    """Hand on what is wanted, until the process that began this one has ended; then end."""
+    """Put wanted names into the queue until the parent process ends; then end this process."""
     left = b""
-    while read := os.read(0, 4096):  # not by sys.stdin, which would keep its lock at the end
+    while read := os.read(0, 4096):  # not sys.stdin, whose lock this thread would hold at exit
         *lines, left = (left + read).split(b"\n")
         for line in lines:
             names.put(line.decode())

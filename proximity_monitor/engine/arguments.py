@@ -1,7 +1,7 @@
-"""Arguments of questions, numbers and arrays, as the kernels take them.
+"""Convert arguments of questions, numbers and arrays, to the types that the kernels take.
 
 A kernel is compiled for the types that it is called with. So every real number becomes a float, and
-everything that holds real numbers becomes an array of one kind; anything else is refused by name.
+every collection of real numbers becomes a float64 array. Anything else is refused by name.
 """
 
 from __future__ import annotations
@@ -16,10 +16,12 @@ _REAL_KINDS = "iuf"
 
 
 def as_real(value: SupportsFloat, name: str) -> float:
-    """A real number as a float: of Python or numpy, a fraction, an array without dimensions.
+    """Return a real number as a float.
+
+    It may be a number of Python or numpy, a fraction, or an array without dimensions.
 
     Raises:
-        TypeError: text, None, a truth value, a complex number, an array of several.
+        TypeError: text, None, a truth value, a complex number, an array with dimensions.
     """
     if type(value) is float:
         return value
@@ -39,11 +41,11 @@ def as_real(value: SupportsFloat, name: str) -> float:
 
 
 def check_tolerance(name: str, value: SupportsFloat) -> float:
-    """The value as a float that is not negative; infinity is allowed.
+    """Return the value as a float that is not negative; infinity is allowed.
 
     Raises:
-        TypeError: no real number.
-        ValueError: negative or NaN.
+        TypeError: it is no real number.
+        ValueError: it is negative or NaN.
     """
     number = value if type(value) is float else as_real(value, name)
     if not number >= 0.0:
@@ -52,11 +54,11 @@ def check_tolerance(name: str, value: SupportsFloat) -> float:
 
 
 def as_count(value: int, name: str) -> int:
-    """A count as an int, at least 1.
+    """Return a count as an int, at least 1.
 
     Raises:
-        TypeError: no whole number.
-        ValueError: less than 1.
+        TypeError: it is no whole number.
+        ValueError: it is less than 1.
     """
     try:
         if isinstance(value, bool):
@@ -76,16 +78,16 @@ def as_reals(
     what: str = "an array of numbers",
     error: type[ValueError] = ValueError,
 ) -> NDArray[np.float64]:
-    """Real numbers as a float64 array that is C-contiguous and writable; copied only if necessary.
+    """Return real numbers as a C-contiguous, writable float64 array; copy only if necessary.
 
     Raises:
-        error: they are not `what`.
+        error: the values are not `what`.
     """
     if _is_plain(values, np.float64):
         return values
     try:
         array = np.asarray(values)
-        if array.dtype.kind == "O":  # fractions, or what is no number at all
+        if array.dtype.kind == "O":  # fractions, or things that are no numbers
             numbers = [as_real(each, "an element") for each in array.ravel()]
             array = np.array(numbers, np.float64).reshape(array.shape)
     except (TypeError, ValueError) as cause:
@@ -96,16 +98,16 @@ def as_reals(
 
 
 def _is_plain(values: ArrayLike, kind: type[np.generic]) -> TypeGuard[NDArray]:
-    """Whether it is already such an array: to ask numpy for one takes a microsecond."""
+    """Tell whether no conversion is needed: asking numpy for one takes a microsecond."""
     return type(values) is np.ndarray and values.dtype == kind and values.flags.carray
 
 
 def as_tolerances(value: ArrayLike, name: str, count: int) -> NDArray[np.float64] | float:
-    """A number, or (count,), none of them negative.
+    """Return one tolerance as a float, or several as a float64 array (count,); none negative.
 
     Raises:
-        TypeError: no real number.
-        ValueError: another shape, or one that is negative or NaN.
+        TypeError: a single value is no real number.
+        ValueError: an array has another shape or another dtype; a value is negative or NaN.
     """
     if type(value) is float or not np.ndim(value):
         return check_tolerance(f"{name}[0]", as_real(value, name))
@@ -121,10 +123,10 @@ def as_tolerances(value: ArrayLike, name: str, count: int) -> NDArray[np.float64
 def as_integers(
     values: ArrayLike, name: str, columns: int, kind: type[np.integer] = np.int32
 ) -> NDArray[np.integer]:
-    """Whole numbers as an array (k, columns) of a kind that is C-contiguous and writable.
+    """Return whole numbers as a C-contiguous, writable array (k, columns) of the dtype `kind`.
 
     Raises:
-        ValueError: not whole numbers of this shape, or beyond that kind.
+        ValueError: the values are no integers of this shape, or `kind` cannot hold one of them.
     """
     given = _whole(values, name, (columns,))
     if _is_plain(given, kind):
@@ -137,7 +139,7 @@ def as_integers(
 
 
 def _whole(values: ArrayLike, name: str, row: tuple[int, ...]) -> NDArray[np.integer]:
-    """Whole numbers in any number of rows of a shape."""
+    """Return whole numbers as an array (k, *row), in the integer dtype that they have."""
     try:
         given = np.asarray(values)
     except ValueError as error:

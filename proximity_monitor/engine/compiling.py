@@ -1,9 +1,10 @@
-"""The compiler for other rooms: Python calls functions marked `entry`, entries call a `helper`.
+"""The compiler for code outside of the engine: Python calls an `entry`, an entry calls a `helper`.
 
-Both may make arrays. Entries are kept where the engine's own kernels are, in a place that can be
-written even where the package cannot. Numba notices a change of the file in which an entry stands,
-and the engine a change of its own kernels; so an entry's helpers and constants belong into its own
-file, or come from here: `cross` and `dot` are products of vectors of three numbers.
+Both decorators compile functions that may make arrays. Entries are cached where the engine's own
+kernels are, in a directory that is writable even if the package's own is not. Numba notices if the
+file of an entry changes, and the engine notices if its own kernels change. So the helpers and
+constants of an entry must be in the file of the entry, or come from here: `cross` and `dot` are
+products of vectors of three numbers.
 
 `Progress` reports how many of the engine's kernels are compiled.
 """
@@ -46,24 +47,25 @@ WATCHING = frozenset(
         "tree.ranges.node_ranges",
     }
 )  # fmt: skip
-"""The kernels that watching a scene needs, by room, file and function."""
+"""The kernels that watching a scene needs, by subpackage of `kernels`, file and function."""
 
 _KERNELS = __package__ + ".kernels."
 
 
 class Progress(event.Listener):
-    """Counts the kernels that are compiled while it is entered: "7 of 19".
+    """Counts the kernels that are compiled inside its `with` block: "7 of 19".
 
-    Those count as well that another process has compiled and kept meanwhile. Numba reports what its
-    cache did not have, so where that has everything nothing is counted.
+    The count includes needed kernels that another process has compiled and cached. Numba reports
+    only kernels that its cache does not hold, so with a full cache `tell` is never called.
 
     Args:
-        needed: names of kernels; others that are compiled as well are added to them.
-        tell: called as `tell(progress)` when a kernel begins and when it is done, and now and then
-            while another process compiles one that is needed, in the thread that waits for it.
+        needed: names of kernels. Other kernels that are compiled meanwhile are added.
+        tell: called as `tell(progress)` when a compilation begins and when it ends. While this
+            process waits for another one that compiles a kernel, it is called now and then, in the
+            waiting thread.
 
     Attributes:
-        started: whether anything was compiled, here or elsewhere.
+        started: whether any kernel had to be compiled, here or by another process.
     """
 
     def __init__(
@@ -75,13 +77,13 @@ class Progress(event.Listener):
         self.started = False
 
     def __str__(self) -> str:
-        """Say how far it is."""
+        """Return the progress as text."""
         kept = {path.name.partition("-")[0] for each in DIRECTORIES for path in each.glob("*.nbc")}
         done = self._done | self._needed & kept
         return f"compiling kernels: {len(done)} of {len(self._needed)}"
 
     def __enter__(self) -> Progress:
-        """Begin to count."""
+        """Begin to count, and have the kernels compiled ahead if a scene is to be watched."""
         if self._needed >= WATCHING:
             ahead.want(ahead.WATCHING)
         event.register("numba:compile", self)
@@ -89,31 +91,31 @@ class Progress(event.Listener):
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Count no more."""
+        """Stop counting."""
         claims.waiting.remove(self._on_wait)
         event.unregister("numba:compile", self)
 
     def _on_wait(self) -> None:
-        """Hear that a kernel is waited for, which another process compiles."""
+        """Note that this process waits for a kernel that another process compiles."""
         self.started = True
         self._tell(self)
 
     def on_start(self, start: event.Event) -> None:
-        """Note that a kernel is being compiled."""
+        """Note that the compilation of a kernel begins."""
         if name := _kernel(start):
             self.started = True
             self._needed.add(name)
             self._tell(self)
 
     def on_end(self, end: event.Event) -> None:
-        """Note that it is done."""
+        """Note that the compilation of a kernel has ended."""
         if name := _kernel(end):
             self._done.add(name)
             self._tell(self)
 
 
 def _kernel(compiling: event.Event) -> str:
-    """The name of a kernel that is kept; empty for its helpers and for others' functions."""
+    """Return the name of a cached kernel of the engine; empty for any other function."""
     dispatcher = compiling.data["dispatcher"]
     function = dispatcher.py_func
     ours = function.__module__.startswith(_KERNELS) and isinstance(dispatcher._cache, KernelCache)

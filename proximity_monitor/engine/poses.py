@@ -13,10 +13,12 @@ _FLOAT64 = np.dtype(np.float64)
 
 
 def as_pose(pose: ArrayLike, name: str) -> NDArray[np.float64]:
-    """The pose as the kernels take it, (4, 4) float64 and contiguous; its content is not checked.
+    """Return the pose as the kernels take it, (4, 4) float64 and C-contiguous.
+
+    Only the shape and the dtype are checked, not that it is a rigid motion.
 
     Raises:
-        ValueError: not real numbers, or another shape.
+        ValueError: the elements are no real numbers, or the shape is another one.
     """
     if type(pose) is np.ndarray and pose.dtype is _FLOAT64 and pose.flags.carray:
         array = pose
@@ -28,15 +30,16 @@ def as_pose(pose: ArrayLike, name: str) -> NDArray[np.float64]:
 
 
 def check_pose(pose: ArrayLike, name: str = "pose") -> NDArray[np.float64]:
-    """The pose as a (4, 4) float64 array, proven to be a rigid motion.
+    """Return the pose as a (4, 4) float64 array after checking that it is a rigid motion.
 
     Args:
         pose: 4×4 homogeneous matrix, model to world; translation in metres.
-        name: its name in errors.
+        name: what errors call it.
 
     Raises:
-        ValueError: another shape, not finite, a last row other than (0, 0, 0, 1), a rotation that
-            scales, shears or mirrors by more than 1e-6; the message says which.
+        ValueError: the shape is another one; an element is not finite; the last row is not
+            (0, 0, 0, 1), to 2e-6; the translation is beyond 1e45 m; the rotation changes lengths by
+            more than a share of 1e-6, or mirrors. The message says which.
     """
     array = as_pose(pose, name)
     if pose_deviation(array) <= 2.0 * RIGID_TOLERANCE:
@@ -64,10 +67,12 @@ def check_pose(pose: ArrayLike, name: str = "pose") -> NDArray[np.float64]:
 
 
 def as_poses(poses: ArrayLike, name: str) -> NDArray[np.float64]:
-    """Poses as the kernels take them, (k, 4, 4) float64; their content is not checked.
+    """Return poses as the kernels take them, (k, 4, 4) float64 and C-contiguous.
+
+    Only the shape and the dtype are checked, not that they are rigid motions.
 
     Raises:
-        ValueError: not real numbers, or another shape.
+        ValueError: the elements are no real numbers, or the shape is another one.
     """
     if type(poses) is np.ndarray and poses.dtype is _FLOAT64 and poses.flags.carray:
         array = poses

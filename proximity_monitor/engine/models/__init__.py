@@ -1,1 +1,1 @@
-"""What can be asked about: meshes, what they enclose, their hierarchies."""
+"""Models, the shapes of queries: meshes, surfaces, solids of revolution, and their hierarchies."""

@@ -1,4 +1,4 @@
-"""What a profile has along its axis: it closes a drawing, but is no boundary of the solid."""
+"""Curves of a profile that lie along its axis: they close a drawing but do not bound the solid."""
 
 from __future__ import annotations
 
@@ -14,23 +14,31 @@ Reals = NDArray[np.float64]
 
 
 def lies_along(pieces: Reals, near: float) -> NDArray[np.bool_]:
-    """Which Bezier pieces (s, n, 3), rho w, z w and w, are nowhere farther from the axis."""
+    """Tell which Bezier pieces lie along the axis.
+
+    Args:
+        pieces: (s, n, 3) homogeneous control points: rho w, z w and w.
+        near: how far from the axis counts as on it, metres.
+
+    Returns:
+        (s,) whether no control point is farther from the axis, so that no point of the piece is.
+    """
     return (np.abs(pieces[..., 0] / pieces[..., 2]) <= near).all(axis=1)
 
 
 def off_axis(nets: Sequence[Net], pieces: Sequence[Reals], near: float) -> list[tuple[int, Net]]:
-    """What is left of curves that follow each other without what lies along the axis.
+    """Remove the parts along the axis from a chain of curves.
 
-    It goes on in its order, from where the axis is left. Where what is left would not follow each
-    other, all is.
+    The remaining curves keep their order and begin where the chain leaves the axis. If they would
+    not form one chain, all curves are returned as they are.
 
     Args:
-        nets: the curves.
-        pieces: of each its Bezier pieces (s, n, 3).
+        nets: the curves of the chain.
+        pieces: the Bezier pieces (s, n, 3) of each curve, as for `lies_along`.
         near: how far from the axis counts as on it, metres.
 
     Returns:
-        Curves, each with the number of the one that it is of.
+        The remaining curves, each with the number of the given curve that it is part of.
     """
     parts = [
         (k, part, not along)
@@ -48,17 +56,17 @@ def off_axis(nets: Sequence[Net], pieces: Sequence[Reals], near: float) -> list[
 
 
 def _parted(net: Net, along: NDArray[np.bool_]) -> Iterator[tuple[Net, bool]]:
-    """A curve, parted at the corners where it comes to the axis and leaves it; is a part along it?
+    """Cut a curve where it reaches or leaves the axis; yield parts and whether each lies along it.
 
-    A corner is a knot that is repeated as often as the degree: there a control point is a point of
-    the curve, so a part has some of the same control points.
+    It is cut only at corners: knots repeated at least as often as the degree. There a control point
+    lies on the curve, so each part has a subset of the same control points.
     """
     degree, knots = net.degrees[0], net.knots_u
     first, begin, head, after = 0, 0, knots[:0], 0
     for i in np.flatnonzero(along[1:] != along[:-1]) + 1:
         t = net.spans[0].low[i]
         knot, end = np.searchsorted(knots, t), np.searchsorted(knots, t, "right")
-        torn = int(end - knot) - degree  # 1: each side has a control point of its own
+        torn = int(end - knot) - degree  # 1: each side of the knot has its own control point
         if torn < 0:
             continue
         stretch = np.concatenate((head, knots[after : knot + degree], [t]))
@@ -77,7 +85,7 @@ def _parted(net: Net, along: NDArray[np.bool_]) -> Iterator[tuple[Net, bool]]:
 
 
 def _part(net: Net, begin: int, end: int, knots: Reals) -> Net:
-    """The curve of some of the control points."""
+    """Return the curve of the control points `begin` to `end`, with the given knots."""
     weights = None if net.weights is None else scaled_weights(net.weights[begin:end])
     control = frozen(net.control[begin:end].copy())
     return replace(net, control=control, weights=weights, knots_u=frozen(knots))

@@ -1,10 +1,10 @@
-"""NURBS to rational Bezier pieces, and the values of their basis functions.
+"""Convert NURBS to rational Bezier pieces, and evaluate their basis functions.
 
-On a span between two knots a B-spline is a polynomial. Its Bezier points are values of its blossom,
-with the span's ends for arguments (Ramshaw 1987): what inserting both knots up to full multiplicity
-gives. Each is a convex combination of the degree + 1 control points that count there, whose
-coefficients depend on the knots alone. In two directions this is done one after the other, and
-with weights in homogeneous coordinates.
+On a span between two knots a B-spline is a polynomial. Its Bezier points are values of its blossom
+with the span's ends as arguments (Ramshaw 1987). Inserting both knots up to full multiplicity gives
+the same points. Each is a convex combination of the degree + 1 control points that affect the span.
+The coefficients depend on the knots alone. Patches are converted in u first, then in v. Control
+points with weights are converted in homogeneous coordinates.
 """
 
 from __future__ import annotations
@@ -20,35 +20,36 @@ from ..kernels.base.rounding import DOUBLE_EPS, KNOT_INSERTION
 
 
 class Spans(NamedTuple):
-    """The s spans of a knot vector, those without a length left out."""
+    """The s spans of a knot vector that are longer than 0."""
 
     first: NDArray[np.int64]
-    """(s,) the first control point that counts on each."""
+    """(s,) the number of the first control point that affects each span."""
     coefficients: NDArray[np.float64]
-    """(s, degree + 1, degree + 1) of which control points each Bezier point is the combination."""
+    """(s, degree + 1, degree + 1); [:, j, i]: the share of control point first + i in Bezier point
+    j."""
     low: NDArray[np.float64]
-    """(s,) the parameter at its begin; ascending."""
+    """(s,) the parameter at the start of each span; ascending."""
     high: NDArray[np.float64]
-    """(s,) the parameter at its end."""
+    """(s,) the parameter at the end of each span."""
     exact: bool
     """Whether the Bezier points are the control points themselves."""
 
     @property
     def degree(self) -> int:
-        """Of the polynomials."""
+        """The degree of the polynomials."""
         return self.coefficients.shape[1] - 1
 
 
 NO_DIRECTION = Spans(
     np.zeros(1, np.int64), np.ones((1, 1, 1)), np.zeros(1), np.zeros(1), True
 )  # fmt: skip
-"""The one span of a curve in v."""
+"""The single span, of degree 0, that a curve has in v."""
 
 
 def spans(knots: NDArray[np.float64], degree: int, parts: int = 1) -> Spans:
-    """The spans of a checked knot vector, within its domain [knots[degree], knots[-degree - 1]].
+    """Return the spans of a checked knot vector within its domain, each cut into equal parts.
 
-    Each is cut into equal parts.
+    The domain is [knots[degree], knots[-degree - 1]].
     """
     return _spans(knots.tobytes(), degree, parts)
 
@@ -64,16 +65,16 @@ def _spans(data: bytes, degree: int, parts: int) -> Spans:
         edges = np.concatenate((low[:, None], inside, high[:, None]), axis=1)
         low, high, k = edges[:, :-1].ravel(), edges[:, 1:].ravel(), np.repeat(k, parts)
     inner = np.arange(degree + 1)
-    # c[s, j, i]: of Bezier point j, how much the i-th point of the present level contributes; at
-    # first each point of the level is a control point.
+    # c[s, j, i]: the i-th point of the present level in the scheme for Bezier point j, as shares of
+    # the control points. At level 0 the points are the control points themselves.
     c = np.broadcast_to(np.eye(degree + 1), (len(k), degree + 1, degree + 1, degree + 1)).copy()
     for level in range(1, degree + 1):
-        # A blossom's arguments may have any order: for Bezier point j the span's end j times first.
+        # A blossom's arguments may have any order: for Bezier point j, first j times the span end.
         at_end = inner >= level
         x = np.where(at_end, high[:, None], low[:, None])[:, :, None]
         i = (k[:, None] - degree + np.arange(level, degree + 1))[:, None, :]
         left, right = t[i], t[i + degree + 1 - level]
-        # Both are shares of the whole, exact where x is an end: never one less the other.
+        # Both shares are quotients, so both are exact if x is an end; 1 - above would not be.
         above, below = (x - left) / (right - left), (right - x) / (right - left)
         c = below[..., None] * c[:, :, :-1] + above[..., None] * c[:, :, 1:]
     c = c[:, :, 0]
@@ -84,10 +85,10 @@ def _spans(data: bytes, degree: int, parts: int) -> Spans:
 
 
 def cut(net: NDArray[np.float64], along_u: Spans, along_v: Spans) -> NDArray[np.float64]:
-    """The control points of all Bezier pieces of a net (n_u, n_v, c).
+    """Return the control points of all Bezier pieces of a net (n_u, n_v, c).
 
-    Pieces that are joined have the very same points there: both add the same terms in one order.
-    For what rounding does see KNOT_INSERTION.
+    Joined pieces have bitwise equal points along their joint, because both add the same terms in
+    the same order. KNOT_INSERTION bounds the rounding.
 
     Returns:
         (s_u, s_v, degree_u + 1, degree_v + 1, c).
@@ -99,7 +100,7 @@ def cut(net: NDArray[np.float64], along_u: Spans, along_v: Spans) -> NDArray[np.
 
 
 def _combined(points: NDArray[np.float64], along: Spans) -> NDArray[np.float64]:
-    """The combinations (s, degree + 1, ...) of points (n, ...)."""
+    """Return the Bezier points (s, degree + 1, ...) of control points (n, ...)."""
     if along.exact:
         index = along.first[:, None] + np.arange(along.degree + 1)
         return points[index]
@@ -112,9 +113,9 @@ def _combined(points: NDArray[np.float64], along: Spans) -> NDArray[np.float64]:
 
 
 def conversion_error(along_u: Spans, along_v: Spans, rational: bool, largest: float) -> float:
-    """Metres by which rounding may move a point of the surface when it is cut into pieces.
+    """Return how far, in metres, rounding may move a point of a surface cut into pieces.
 
-    `largest` is the largest norm of a control point; see KNOT_INSERTION.
+    `largest` is the largest norm of a control point, metres; see KNOT_INSERTION.
     """
     share = KNOT_INSERTION * sum(each.degree for each in (along_u, along_v) if not each.exact)
     if rational:
@@ -123,13 +124,13 @@ def conversion_error(along_u: Spans, along_v: Spans, rational: bool, largest: fl
 
 
 def basis(along: Spans, parameters: NDArray[np.float64], order: int) -> tuple[NDArray, NDArray]:
-    """The basis functions that are not 0 at parameters (k,) within the domain, and derivatives.
+    """Return the basis functions that are not 0 at parameters (k,) in the domain, and derivatives.
 
-    Between two spans those of the second.
+    At the joint of two spans they are those of the second span.
 
     Returns:
-        (k,) the number of the first control point that counts, and (k, order + 1, degree + 1) the
-        derivatives from the 0th to the `order`-th.
+        (k,) the number of the first control point that has an effect, and the derivatives from the
+        0th to the `order`-th, (k, order + 1, degree + 1).
     """
     span = np.searchsorted(along.low, parameters, side="right") - 1
     span = np.clip(span, 0, len(along.low) - 1)
@@ -148,21 +149,21 @@ def basis(along: Spans, parameters: NDArray[np.float64], order: int) -> tuple[ND
 
 
 def bernstein(degree: int, s: NDArray[np.float64], r: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The Bernstein polynomials (k, degree + 1) at s = 1 - r, (k,)."""
+    """Return the Bernstein polynomials (k, degree + 1) at parameters s (k,), with r = 1 - s."""
     j = np.arange(degree + 1)
     return _binomials(degree) * s[:, None] ** j * r[:, None] ** (degree - j)
 
 
 @cache
 def _binomials(degree: int) -> NDArray[np.float64]:
-    """(degree + 1,) the binomial coefficients of a degree: many short calls ask for the same."""
+    """Return the binomial coefficients (degree + 1,), cached because many short calls need them."""
     made = np.array([comb(degree, i) for i in range(degree + 1)], np.float64)
     made.setflags(write=False)
     return made
 
 
 def product(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The Bernstein coefficients (n + m - 1, c) of the product of polynomials (n, c) and (m, 1)."""
+    """Return the Bernstein coefficients (n + m - 1, c) of the product of a (n, c) and b (m, 1)."""
     one, other = (each.T * _binomials(len(each) - 1) for each in (a, b))
     made = np.array([np.convolve(column, other[0]) for column in one])
     return (made / _binomials(len(a) + len(b) - 2)).T

@@ -1,4 +1,4 @@
-"""What the arrays of a model have to be, and the error that says what they are not."""
+"""Checks of the arrays of a model, and the error that names what is wrong with them."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ class ModelError(ValueError):
 
 
 def checked_vertices(vertices: ArrayLike, name: str, what: str = "vertices") -> NDArray[np.float64]:
-    """A frozen copy of points (n, 3), n >= 1, in metres.
+    """Return a read-only copy of points (n, 3), n >= 1, in metres.
 
-    `name` is what messages call the model, `what` what they call its points.
+    Messages call the model `name` and its points `what`.
 
     Raises:
-        ModelError: no such array; a coordinate that is not finite, or beyond 1e45 m.
+        ModelError: it is no such array; a coordinate is not finite, or beyond 1e45 m.
     """
     array = as_reals(vertices, f"{name}: {what}", error=ModelError).copy()
     if array.ndim != 2 or array.shape[1] != 3:
@@ -40,10 +40,10 @@ def checked_vertices(vertices: ArrayLike, name: str, what: str = "vertices") -> 
 
 
 def checked_length(value: float, name: str, what: str) -> float:
-    """A length in metres, from 0 to 1e45.
+    """Return a length in metres as a float.
 
     Raises:
-        ModelError: it is none.
+        ModelError: it is no number from 0 to 1e45.
     """
     try:
         length = as_real(value, what)
@@ -58,10 +58,10 @@ def checked_length(value: float, name: str, what: str) -> float:
 
 
 def checked_faces(faces: ArrayLike, vertex_count: int, name: str) -> NDArray[np.int32]:
-    """A frozen copy of triangles (m, 3), m >= 1, by the indices of their vertices.
+    """Return a read-only int32 copy of triangles (m, 3), m >= 1: the indices of their vertices.
 
     Raises:
-        ModelError: no such array; an index of no vertex.
+        ModelError: it is no such array; an index is that of no vertex.
     """
     try:
         given = np.asarray(faces)

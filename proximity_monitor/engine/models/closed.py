@@ -1,14 +1,14 @@
-"""Whether patches close up: each edge must be passed as often one way as the other.
+"""Find out whether patches close up: every edge must be passed as often one way as the other.
 
-The edges of a patch are rational Bezier curves. Two may be one curve whose parameter runs
-otherwise, s = l t / (1 - t + l t), as the weights w_i l^i in place of w_i make it; l is found from
-the derivatives where they begin. Then their difference is a rational Bezier curve as well, and no
-longer than the longest of its control points. Where edges meet others in between, as beside smaller
-patches or other knots, they are cut.
+The edges of a patch are rational Bezier curves. Two edges may be the same curve with different
+parameters, s = l t / (1 - t + l t). Weights w_i l^i in place of w_i make this change. The factor l
+follows from the derivatives at the start of both edges. Then the difference of the edges is a
+rational Bezier curve too, and no longer than the longest of its control points. If an edge meets
+others between its ends, as beside smaller patches or other knots, it is cut there.
 
-An edge that a trimming loop makes on a curved patch is no rational curve. Then points along the one
-and those of the other next to them tell: between two such points each is no farther from its chord
-than its second derivative allows, and the chords are nowhere farther apart than at their ends.
+An edge that a trimming loop makes on a curved patch is no rational Bezier curve. Then points of one
+edge are compared with the nearest points of the other edge. Between two such points each edge is no
+farther from its chord than its second derivative allows. The chords are farthest apart at an end.
 """
 
 from __future__ import annotations
@@ -28,23 +28,23 @@ from .outline import ChartCurve, Edge, RationalCurve, outline
 Curve = RationalCurve | ChartCurve
 
 _SIZE_SHARE = 1e-12
-"""How far apart edges may be that coincide, as a share of the largest coordinate."""
+"""How far apart coincident edges may be, as a share of the largest coordinate."""
 
 _TRIMMED_SHARE = 1e-6
-"""The same where patches are trimmed: such curves only come near to where surfaces intersect."""
+"""The same for trimmed patches, whose curves only approximate the intersection of surfaces."""
 
 _BEND_SHARE, _MOST_CHORDS = 1e-8, 4096
-"""How far an edge on a curved patch may be from chords, as a share of the largest coordinate, or by
-a tenth of the gap that is allowed, where so many chords suffice."""
+"""How far an edge on a curved patch should be from its chords, as a share of the largest coordinate
+(or a tenth of the allowed gap, if that is more), and the most chords that are used."""
 
 GAP_ROUNDING = 512.0 * DOUBLE_EPS
-"""What is added to the gaps that were measured, as a share of the largest coordinate P.
+"""Rounding allowance that is added to the measured gaps, as a share of the largest coordinate P.
 
-Two edges of degree 15 have a difference whose coefficients are sums of at most 16 products of three
-numbers, each term of no more than 2 P times what the weights' products are: 40 u P in all. The
-weights of the one were multiplied by powers up to the 15th, which errs by 17 u of each and moves
-its points by 34 u P. Cutting an edge in two errs by 2 u P for each degree, a point of a patch by
-some 100 u P.
+The difference of two edges of degree 15 has coefficients that are sums of at most 16 products of
+three numbers. Each term is at most 2 P times the product of the weights: 40 u P in all. The weights
+of one edge were multiplied by powers up to the 15th. This errs by 17 u of each weight and moves the
+edge's points by 34 u P. Cutting an edge in two errs by 2 u P for each degree. A point of a patch
+errs by some 100 u P.
 """
 
 _SAMPLES = np.linspace(0.0, 1.0, 65)
@@ -52,31 +52,32 @@ _NEWTON, _STEP = 20, 1e-6
 
 
 class Joints(NamedTuple):
-    """How patches close up."""
+    """Whether patches close up, and with which gap."""
 
     reason: str
-    """Why they do not; empty where they do."""
+    """Why they do not close up; empty if they do."""
     gap: float
-    """Metres: surfaces no farther from the patches than this fill all that is open between them.
+    """Metres: surfaces within this distance of the patches can fill every opening between them.
 
-    A strip between two edges that coincide is no wider than these are apart. What is open besides
-    are closed ways along the ends of strips and along edges that are taken for points: each stays
-    near one corner. What trimming loops leave may be unlike what they bound as far as they blur.
+    A strip between two coincident edges is no wider than the distance of the edges. The other
+    openings are closed paths along the ends of strips and along edges that count as points. Each of
+    these paths stays near one corner. What trimming loops leave of a patch may differ from what
+    they bound, within the blur of the loops.
     """
 
 
 def find_joints(nets: Sequence[Net], deviation: float) -> Joints:
-    """How patches close up, and why not. Curves beside them are passed over.
+    """Find out whether patches close up, and with which gap. Curves among the nets are ignored.
 
-    Edges coincide if they are as near to each other as the deviation, metres, and 1e-12 of the
-    largest coordinate allow; where patches are trimmed, twice the deviation and 1e-6.
+    Edges coincide if they are no farther apart than the deviation (metres) plus 1e-12 of the
+    largest coordinate; if any patch is trimmed, than twice the deviation plus 1e-6 of it.
     """
     reason, gap = _opening(nets, deviation)
     return Joints(reason, gap)
 
 
 def _opening(nets: Sequence[Net], deviation: float) -> tuple[str, float]:
-    """Why they do not close up, and the gap that is left where they do."""
+    """Return why patches do not close up (empty if they do), and the remaining gap, metres."""
     if all(net.is_curve for net in nets):
         return "it consists of curves alone", 0.0
     size = max(float(np.abs(net.points).max()) for net in nets)
@@ -106,29 +107,29 @@ def _opening(nets: Sequence[Net], deviation: float) -> tuple[str, float]:
 
 
 def _opening_at(edges: Sequence[Edge]) -> float:
-    """About how far the middle of the first edge is from the nearest other one, metres."""
+    """Estimate how far the middle of the first edge is from the nearest other edge, metres."""
     middle = edges[0].curve.at(np.array([0.5]))
     found = [np.linalg.norm(each.curve.at(_SAMPLES) - middle, axis=1).min() for each in edges[1:]]
     return float(min(found, default=np.inf))
 
 
 class _Widths:
-    """How wide the gaps are that were taken for none, metres."""
+    """The widths of the gaps that count as closed, metres."""
 
     def __init__(self, bend: float) -> None:
-        self.bend = bend  # that is allowed between the points of edges on curved patches
-        self.strip = 0.0  # between edges that coincide
-        self.corner = 0.0  # between ends that are together
-        self.point = 0.0  # of edges that are taken for points
+        self.bend = bend  # how far edges on curved patches may be from their chords
+        self.strip = 0.0  # between coincident edges
+        self.corner = 0.0  # between ends of one group
+        self.point = 0.0  # extent of edges that count as points
         self.blur = 0.0  # between edges and what they bound
 
     def total(self) -> float:
-        """No strip is wider, nor is what is open at any corner."""
+        """Return a bound of the width of every strip and of every opening at a corner, metres."""
         return self.strip + self.corner + self.point + 2.0 * self.blur
 
 
 def _proper(edges: list[Edge], gap: float, widths: _Widths) -> list[Edge]:
-    """Those that are more than a point."""
+    """Return the edges that extend farther than the gap; the others count as points."""
     found = []
     for edge in edges:
         extent = float(np.linalg.norm(edge.points - edge.points[0], axis=1).max())
@@ -140,10 +141,10 @@ def _proper(edges: list[Edge], gap: float, widths: _Widths) -> list[Edge]:
 
 
 def _unmatched(edges: list[Edge], gap: float, widths: _Widths) -> list[Edge]:
-    """The edges that lie on no other one that goes the other way; each serves one other."""
+    """Return the edges that coincide with no edge the opposite way; each can match only one."""
     points = np.array([edge.points[[0, -1]] for edge in edges]).reshape(-1, 3)
     ends = _welded(points, gap)
-    # Those together with one end are within a ball around it: no two are farther than its diameter.
+    # The ends of a group lie in a ball around one of them, so no two are farther than its diameter.
     aside = np.linalg.norm(points - points[ends], axis=1).max(initial=0.0)
     widths.corner = max(widths.corner, 2.0 * float(aside))
     left: dict[tuple[int, int], list[int]] = defaultdict(list)
@@ -163,8 +164,8 @@ def _unmatched(edges: list[Edge], gap: float, widths: _Widths) -> list[Edge]:
 
 
 def _welded(points: NDArray[np.float64], gap: float) -> NDArray[np.int64]:
-    """For each point (n, 3) the number of one of those that are together with it."""
-    along = points @ (0.54, 0.65, 0.53)  # no longer than 1, and along no face of a usual part
+    """Return for each point (n, 3) the first point of its group; steps <= gap link points."""
+    along = points @ (0.54, 0.65, 0.53)  # shorter than 1, and parallel to no face of a usual part
     order = np.argsort(along)
     group = np.arange(len(points))
     for k in range(1, len(points)):
@@ -181,7 +182,7 @@ def _welded(points: NDArray[np.float64], gap: float) -> NDArray[np.int64]:
 
 
 def _first(group: NDArray[np.int64], i: int) -> int:
-    """The number of those that are together with i so far."""
+    """Return the first point of the group that i belongs to so far."""
     while (above := int(group[i])) != i:
         group[i] = group[above]
         i = above
@@ -189,9 +190,9 @@ def _first(group: NDArray[np.int64], i: int) -> int:
 
 
 def _apart(a: Curve, b: Curve, bend: float) -> tuple[float, float]:
-    """Two numbers whose sum is no less than how far each of two edges is from the other.
+    """Return two lengths, metres, whose sum bounds how far either of two edges is from the other.
 
-    The second is what they may differ by between the points that are compared, about `bend`.
+    The second bounds what the compared points miss, about `bend`; it is 0 for rational curves.
     """
     if isinstance(a, ChartCurve) or isinstance(b, ChartCurve):
         return _apart_at_points(a, b, bend)
@@ -200,13 +201,13 @@ def _apart(a: Curve, b: Curve, bend: float) -> tuple[float, float]:
         way = np.linalg.norm(edge.points[1] - edge.points[0])
         speeds.append(way * (len(edge.net) - 1) * edge.net[1, 3] / edge.net[0, 3])
     ends = [(each.net[0, 3] / each.net[-1, 3]) ** (1.0 / (len(each.net) - 1)) for each in (a, b)]
-    # Where curves begin with a cusp, the other choice is that both end with the same weight.
+    # A curve that begins with a cusp has no speed. The other choice of l equalises the end weights.
     found = [speeds[0] / speeds[1]] if min(speeds) > 0.0 else []
     return min(_difference(a.net, b.net, each) for each in (*found, ends[1] / ends[0])), 0.0
 
 
 def _apart_at_points(a: Curve, b: Curve, bend: float) -> tuple[float, float]:
-    """As `_apart`, from points of both that follow each other in the same order."""
+    """Do what `_apart` does, from pairs of points that are in the same order on both edges."""
     if _far(a, b):
         return np.inf, 0.0
     bends = a.bend(), b.bend()
@@ -217,14 +218,14 @@ def _apart_at_points(a: Curve, b: Curve, bend: float) -> tuple[float, float]:
     points = a.at(t)
     along = _near(b, points, np.interp(t, coarse, along), 2)
     along[0], along[-1] = 0.0, 1.0
-    along = np.maximum.accumulate(along)  # any order that is the same on both will do
+    along = np.maximum.accumulate(along)  # any pairs are valid if their order is the same on both
     apart = float(np.linalg.norm(points - b.at(along), axis=1).max())
     steps = 1.0 / count, float(np.diff(along).max())
     return apart, sum(0.125 * each * step * step for each, step in zip(bends, steps, strict=True))
 
 
 def _far(a: Curve, b: Curve) -> bool:
-    """Whether the middles of two edges with common ends are farther apart than is worth a look."""
+    """Tell whether two edges with common ends are too far apart at a's middle to be compared."""
     here, there = a.at(_SAMPLES[::8]), b.at(_SAMPLES[::8])
     length = np.linalg.norm(np.diff(here, axis=0), axis=1).sum()
     apart = np.linalg.norm(here[len(here) // 2] - there, axis=1).min()
@@ -232,7 +233,7 @@ def _far(a: Curve, b: Curve) -> bool:
 
 
 def _near(curve: Curve, points: NDArray[np.float64], t: NDArray[np.float64], rounds: int):
-    """Parameters (k,) where a curve is nearest to points (k, 3), from some nearby (Newton)."""
+    """Return parameters (k,) where a curve is nearest to points (k, 3): Newton's method from t."""
     for _ in range(rounds):
         low, here, high = np.split(curve.at(np.concatenate([t - _STEP, t, t + _STEP])), 3)
         slope = (high - low) / (2.0 * _STEP)
@@ -245,10 +246,10 @@ def _near(curve: Curve, points: NDArray[np.float64], t: NDArray[np.float64], rou
 
 
 def _difference(a: NDArray[np.float64], b: NDArray[np.float64], faster: float) -> float:
-    """An upper bound of the distance of two curves (n, 4) at any parameter, b's running faster.
+    """Return an upper bound of the distance of two curves (n, 4) at equal parameters, metres.
 
-    Let them be X / w and Y / x. Their difference (X x - Y w) / w x has positive weights, so it is
-    no longer than its control points.
+    The parameter of b is changed first, with l = `faster`. Let a be X / w and b be Y / x. Their
+    difference (X x - Y w) / (w x) has positive weights, so its control points bound its length.
     """
     b = b * faster ** np.arange(len(b))[:, None]
     x, w = product(a[:, :3], b[:, 3:]), product(a[:, 3:], b[:, 3:])
@@ -256,7 +257,7 @@ def _difference(a: NDArray[np.float64], b: NDArray[np.float64], faster: float) -
 
 
 def _cut(edges: list[Edge], gap: float) -> list[Edge]:
-    """The edges, cut where others begin or end."""
+    """Return the edges, cut where other edges begin or end."""
     corners = np.array([edge.points[[0, -1]] for edge in edges]).reshape(-1, 3)
     made = []
     for edge in edges:
@@ -272,7 +273,7 @@ def _cut(edges: list[Edge], gap: float) -> list[Edge]:
 
 
 def _parameters(curve: Curve, points: NDArray[np.float64], gap: float) -> list[float]:
-    """Where points (k, 3) lie on a curve between its ends, in ascending order, each once."""
+    """Return where points (k, 3) lie on a curve between its ends: ascending, each place once."""
     ends = curve.at(np.array([0.0, 1.0]))
     points = points[(np.linalg.norm(points[:, None] - ends, axis=2) > gap).all(axis=1)]
     if not len(points):

@@ -1,4 +1,4 @@
-"""Several models as one: a robot's link."""
+"""Combine several models into one, such as the shapes of a robot's link."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from .surface import ParametricSurface, Surface
 from .tessellate import tessellated
 
 _SUBDIVISIONS = 3
-"""Of the icosahedron that stands for a ball where a mesh has to."""
+"""How often the icosahedron is subdivided that replaces a ball in a mesh."""
 
 _FINENESS = 1e-2, 1e-3, 1e-4
-"""Shares of a model's radius by which a mesh may err that tells whether its normals point inward:
-thin shells need finer ones."""
+"""Tolerances, as shares of a model's radius, of the meshes that tell whether its normals point
+inward. They are tried in this order, because thin shells need finer meshes."""
 
 
 class Part(NamedTuple):
@@ -34,22 +34,33 @@ class Part(NamedTuple):
     pose: NDArray[np.float64]
     """(4, 4) model to compound, metres."""
     scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
-    """Factors along the model's own axes, not 0; a negative one mirrors it."""
+    """Factors along the model's own axes, applied before the pose; not 0. A negative one mirrors
+    the model."""
 
 
 def compound(parts: Sequence[Part], *, name: str = "compound", **how: Unpack[How]) -> Model:
-    """Several models as one.
+    """Combine several models into one.
 
-    Patches and curves stay what they are, but only among themselves; where they are mirrored, u and
-    v are swapped, so that normals still point outward; a solid of revolution that is the only part
-    stays one, unless unlike factors scale it. Parts that enclose a solid do so whatever the others
-    are, and whichever way their normals point: where these differ, all are turned outward. But
-    where ``solid="robust"``, the inside is that of all parts together. Where balls sweep only some
-    parts, or are unlike, these parts become meshes, with a deviation.
+    Patches and curves stay exact. In a mirrored patch u and v are swapped, so that its normals
+    still point outward. A solid of revolution that is the only part stays one, unless its scale
+    factors differ in size or ``solid=False``. A part that encloses a solid stays solid, whatever
+    the other parts are and whichever way its normals point: if parts differ in that, all are turned
+    outward. With ``solid="robust"`` the inside is that of all parts together. If balls sweep only
+    some parts, or their radii differ, the swept parts become meshes, with a deviation.
+
+    Args:
+        parts: the models with their poses and scales; all parametric surfaces, or none.
+        name: what messages call the compound.
+        how: `deviation` (metres, added to those of the parts), `volume` and `solid`, as for
+            `TriangleMesh`.
+
+    Returns:
+        A `TriangleMesh`, a `ParametricSurface`, or a `SolidOfRevolution` in the compound's frame.
 
     Raises:
-        ModelError: a part that a ball sweeps is scaled by unlike factors; parametric surfaces
-            beside meshes, or with what meshes alone may be given.
+        ModelError: the factors that scale a swept part differ in size; parametric surfaces are
+            beside meshes, or have a `volume` or ``solid="robust"``, which are for meshes alone;
+            else as for the kind that is returned.
     """
     surfaces = [part.model for part in parts if isinstance(part.model, Surface)]
     if surfaces and len(surfaces) < len(parts):
@@ -65,8 +76,8 @@ def compound(parts: Sequence[Part], *, name: str = "compound", **how: Unpack[How
     if len({each.radius for each in placed}) > 1:
         placed = [_unswept(each) for each in placed]
     if how.get("solid") != "robust":
-        # Open parts get each face once more, the other way round: so every edge is passed both
-        # ways, they add nothing to a winding number, and their surface is the same.
+        # Add each face of an open part once more, reversed. Then each of its edges is passed both
+        # ways, the part adds nothing to a winding number, and its surface is the same.
         closed = [TriangleMesh(each.vertices, each.faces).is_solid for each in placed]
         if any(closed):
             placed = [
@@ -83,10 +94,10 @@ def compound(parts: Sequence[Part], *, name: str = "compound", **how: Unpack[How
 
 
 def _surface(parts: Sequence[Part], name: str, how: How) -> ParametricSurface:
-    """Patches and curves in the frame of their compound."""
+    """Return the patches and curves of all parts in the frame of their compound."""
     _check_surface(name, how)
     nets: list[Net] = []
-    # Where parts overlap whose normals point unlike ways, both would count for nothing.
+    # Where parts of opposite orientation overlap, their winding numbers would cancel.
     encloses = len(parts) > 1 and how.get("solid") is not False
     inward = [encloses and _is_inward(part.model) for part in parts]
     turned = inward if not all(inward) else [False] * len(parts)
@@ -94,7 +105,7 @@ def _surface(parts: Sequence[Part], name: str, how: How) -> ParametricSurface:
         placed = [
             net.moved(net.points * scale @ pose[:3, :3].T + pose[:3, 3]) for net in model.nets
         ]
-        # What is mirrored has its outside in.
+        # Mirroring turns normals inward.
         swaps = is_turned != (math.prod(scale) < 0.0)
         nets += [net.swapped() for net in placed] if swaps else placed
     own = max(model.deviation * float(np.abs(scale).max()) for model, _, scale in parts)
@@ -103,9 +114,9 @@ def _surface(parts: Sequence[Part], name: str, how: How) -> ParametricSurface:
 
 
 def _is_inward(model: Surface) -> bool:
-    """Whether the normals of a solid's patches point inward; False of what is no solid.
+    """Tell whether the normals of a solid's patches point inward; False if it is no solid.
 
-    A shell that is thinner than the finest mesh can tell is taken as that mesh says.
+    If a shell is too thin even for the finest mesh, the sign of that mesh's volume decides.
     """
     if isinstance(model, SolidOfRevolution):
         return model.profile.leftward
@@ -118,16 +129,17 @@ def _is_inward(model: Surface) -> bool:
         thick = shown.off if math.isfinite(shown.off) else share * model.radius
         area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         volume = _volume(vertices, faces)
-        # Six times the volume; a layer on the mesh that is as thick as it errs has less.
+        # Both are six times a volume: of the mesh, and of the layer on both sides of it in which
+        # the surface may lie.
         if abs(volume) > 6.0 * thick * np.linalg.norm(area, axis=1).sum():
             break
     return volume < 0.0
 
 
 def _turned(parts: Sequence[Part], name: str, how: How) -> SolidOfRevolution | None:
-    """The only part in the frame of its compound, where that is a solid of revolution still.
+    """Return the only part in the frame of the compound if it stays a solid of revolution, or None.
 
-    It is its own image in a mirror through its axis, so that only the axis is mirrored.
+    A mirror through the axis maps the solid to itself. So mirroring moves only the axis.
     """
     model, pose, scale = parts[0]
     factor = float(np.abs(scale).max())
@@ -160,7 +172,7 @@ def _both_ways(faces: NDArray[np.int32]) -> NDArray[np.int32]:
 
 
 def _placed(part: Part, name: str) -> Facets:
-    """The triangles of a part in the frame of its compound."""
+    """Return the triangles of a part in the frame of its compound."""
     core, scale = part.model._hierarchy, np.abs(part.scale)
     if core.swept_radius > 0.0 and np.ptp(scale) > 0.0:
         raise ModelError(
@@ -169,29 +181,29 @@ def _placed(part: Part, name: str) -> Facets:
         )
     vertices = core.vertices * part.scale @ part.pose[:3, :3].T + part.pose[:3, 3]
     faces = core.faces
-    if math.prod(part.scale) < 0.0:  # mirrored, which turns the outside in
+    if math.prod(part.scale) < 0.0:  # mirroring turns normals inward
         faces = faces[:, ::-1]
     if _volume(vertices, faces) < 0.0:
-        faces = faces[:, ::-1]  # or where this part overlaps another, both would count for nothing
+        faces = faces[:, ::-1]  # else the winding numbers of overlapping parts would cancel
     return Facets(
         vertices, faces, core.swept_radius * float(scale[0]), core.deviation * float(scale.max())
     )
 
 
 def _volume(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> float:
-    """Six times what faces enclose; negative where they point inwards."""
+    """Return six times the volume that faces enclose; negative if they point inward."""
     a, b, c = (vertices[faces[:, i]] - vertices[faces[0, 0]] for i in range(3))
     return float(np.einsum("ij,ij->", a, np.cross(b, c)))
 
 
 def unswept(model: Model, *, name: str = "mesh", **how: Unpack[How]) -> Model:
-    """A mesh as one that no ball sweeps, so that its vertices may go anywhere.
+    """Convert a mesh to one that no ball sweeps, so that its vertices may be moved anywhere.
 
     Args:
-        model: of triangles, and perhaps a ball that sweeps them; such a one becomes a mesh that
-            deviates from it, as the bounds of the new one say.
-        name: what messages call it.
-        how: see `How`; the deviation comes on top of those of the model and of the mesh.
+        model: a mesh, perhaps swept by a ball. A swept one becomes a mesh of its surface, whose
+            deviation says how far it may be from that.
+        name: what messages call the new mesh.
+        how: see `How`; its deviation is added to those of the model and of the new mesh.
 
     Raises:
         ModelError: as for TriangleMesh.
@@ -202,10 +214,10 @@ def unswept(model: Model, *, name: str = "mesh", **how: Unpack[How]) -> Model:
 
 
 def _unswept(given: Facets) -> Facets:
-    """The same as a mesh that nothing sweeps.
+    """Return the same surface as a mesh that no ball sweeps.
 
-    Its corners lie on the surface and its faces within. So that it deviates half as much, to
-    either side, it is made as much too large.
+    A mesh with its corners on the surface has its faces inside. This one is made larger, so that
+    it deviates only half as much, to either side.
     """
     radius = given.radius
     if radius == 0.0:

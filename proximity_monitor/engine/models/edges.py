@@ -1,4 +1,4 @@
-"""The edges of trimmed patches, and which pieces their loops leave: elements of the tree."""
+"""Elements of the tree for trimmed patches: the pieces that their loops leave, and their edges."""
 
 from __future__ import annotations
 
@@ -18,21 +18,22 @@ from .trim import stretch
 Reals = NDArray[np.float64]
 
 _ROOTS = 1e-9
-"""How far from a parameter of 0 to 1 a root may be, and from the real axis, to be looked at."""
+"""How far from the real axis a root may be to count, and a loop from the unit square."""
 _DEEP = 50
-"""Halvings of a stretch whose middle and end lie on different pieces, but for rounding."""
+"""The most halvings of a stretch that lies on no single piece."""
 
 
 def with_edges(pieces: NDArray, nets: Reals, trims: Trims) -> tuple[NDArray, Reals, float]:
-    """Leave out pieces of which nothing is left, and add the edges.
+    """Drop the pieces that loops cut off entirely, and append the edges.
 
     Args:
         pieces: (m,) PIECE of all patches, one patch after the other.
-        nets: their control nets.
+        nets: (flat) the pieces' control nets.
         trims: the loops.
 
     Returns:
-        The pieces and edges, their nets, and how far rounding may move an edge, metres.
+        The remaining pieces and the edges, their nets, and how far rounding may move an edge,
+        metres.
 
     Raises:
         ModelError: a loop leaves the rectangle of its patch.
@@ -52,7 +53,7 @@ def with_edges(pieces: NDArray, nets: Reals, trims: Trims) -> tuple[NDArray, Rea
         own = _edges_of(trims, patch, pieces, of)
         middles = 0.5 * (pieces["low"][of] + pieces["high"][of])
         cut_off = _sides(classify_points, trims, patch, middles) != INSIDE
-        # Searches begin on an edge then: one of its own, if there is any.
+        # If a piece's middle is cut off, searches begin on an edge: one on the piece, if any.
         first = len(pieces) + len(edges)
         pieces["face"][of[cut_off]] = first
         on_these = np.isin(own["face"], of[cut_off])
@@ -72,7 +73,7 @@ def _sides(classify, trims: Trims, patch: int, places: Reals) -> NDArray[np.int8
 
 
 def _edges_of(trims: Trims, patch: int, pieces: NDArray, of: NDArray[np.int64]) -> NDArray:
-    """The edges of a patch, but for their nets; `of` are the numbers of its pieces."""
+    """Return the edges of a patch without their nets; `of` holds the numbers of its pieces."""
     trim = trims.trims.view(np.recarray)[patch]
     low = [_unit(trim, axis, pieces["low"][of, axis]) for axis in range(2)]
     high = [_unit(trim, axis, pieces["high"][of, axis]) for axis in range(2)]
@@ -93,7 +94,7 @@ def _edges_of(trims: Trims, patch: int, pieces: NDArray, of: NDArray[np.int64]) 
                     raise ModelError(f"patch {patch}: a trimming loop leaves its rectangle")
                 on = (low[0] <= middle[0]) & (middle[0] <= high[0])
                 on &= (low[1] <= middle[1]) & (middle[1] <= high[1])
-                if on.any():  # else rounding puts it onto a piece of which nothing is left
+                if on.any():  # else rounding puts it on a piece that was dropped
                     made.append((first + int(k), int(of[on.argmax()]), a, b))
     edges = np.zeros(len(made), PIECE)
     edges["patch"], edges["side"], edges["points"] = patch, INSIDE, EDGE_POINTS
@@ -108,7 +109,12 @@ def _unit(trim: np.record, axis: int, values: Reals) -> Reals:
 
 
 def breaks(control: Reals, knots: list[Reals]) -> Reals:
-    """Where, from 0 to 1, a curve passes from piece to piece: its ends and those between."""
+    """Return the parameters, ascending from 0 to 1, at which a curve passes from piece to piece.
+
+    Args:
+        control: (n, 3) homogeneous control points in the unit square.
+        knots: the borders of the pieces along each axis.
+    """
     found = [0.0, 1.0]
     degree = len(control) - 1
     power = _to_powers(degree)
@@ -124,7 +130,7 @@ def breaks(control: Reals, knots: list[Reals]) -> Reals:
 
 
 def _to_powers(degree: int) -> Reals:
-    """What makes the coefficients of powers from Bernstein's, ascending."""
+    """Return the matrix from Bernstein coefficients to power coefficients, ascending."""
     rows = np.eye(degree + 1)
     made, scale = np.empty((degree + 1, degree + 1)), 1.0
     for k in range(degree + 1):
@@ -137,9 +143,9 @@ def _to_powers(degree: int) -> Reals:
 def _stretches(
     control: Reals, a: float, b: float, low: list[Reals], high: list[Reals], slack: float, deep: int
 ) -> Iterator[tuple[float, float, Reals, tuple[Reals, Reals]]]:
-    """Parts of a curve from a to b, each on one piece but for rounding.
+    """Cut a curve from a to b into parts that each lie on one piece, to rounding.
 
-    Yields where each begins and ends, its middle, and the corners of a box around it.
+    Yields the start and end of each part, its middle, and the corners of a box around it.
     """
     points = stretch(control, a, b)
     middle = stretch(control, 0.5 * (a + b), b)[0]

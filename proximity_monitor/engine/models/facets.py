@@ -1,4 +1,4 @@
-"""What the shapes of scenes are made of: triangles, and what is to be known of them besides."""
+"""Triangles with a swept radius and a deviation, from which the shapes of scenes are made."""
 
 from __future__ import annotations
 
@@ -15,39 +15,42 @@ from .mesh import TriangleMesh
 from .model import Model
 
 RESERVE = 1.0 + 1e-9
-"""What rounding does to the corners of a tessellation is paid for by a larger deviation."""
+"""Factor on the deviation of a tessellation; it covers the rounding of the corners."""
 
 
 class How(TypedDict, total=False):
-    """What all shapes may be given; see `TriangleMesh`."""
+    """The options that all shapes take; see `TriangleMesh`."""
 
     deviation: float
-    """Metres; beside that of the shape itself."""
+    """Metres; added to the deviation of the shape itself."""
     volume: str
     solid: Solid
 
 
 class Facets(NamedTuple):
-    """What a mesh consists of."""
+    """The data of a mesh."""
 
     vertices: NDArray[np.float64]
     """(n, 3) metres."""
     faces: NDArray[np.int32]
     """(m, 3) indices of vertices."""
     radius: float = 0.0
-    """Metres; of the ball that sweeps them."""
+    """Metres; radius of the ball that sweeps the triangles."""
     deviation: float = 0.0
-    """Metres."""
+    """Metres; how far the surface may be from that of the shape."""
 
     def model(self, name: str, how: How) -> Model:
-        """The mesh; a deviation that `how` says comes on top."""
+        """Return the mesh; a deviation in `how` is added to that of the facets."""
         more = checked_length(how.get("deviation", 0.0), name, "deviation")
         given = how | {"deviation": self.deviation + more}
         return TriangleMesh(self.vertices, self.faces, radius=self.radius, name=name, **given)
 
 
 def icosphere(radius: float, subdivisions: int) -> Facets:
-    """A subdivided icosahedron, whose corners are as far outside as its faces are inside."""
+    """Return a subdivided icosahedron for a ball of a radius, metres, around the origin.
+
+    Its corners are as far outside of the ball as its faces are inside.
+    """
     vertices, faces = _icosahedron()
     for _ in range(subdivisions):
         ends = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
@@ -61,24 +64,25 @@ def icosphere(radius: float, subdivisions: int) -> Facets:
         vertices = np.concatenate((vertices, between))
     a, b, c = (vertices[faces[:, i]] for i in range(3))
     normals = np.cross(b - a, c - a)
-    # The foot of the centre on a face is its circumcentre: all corners are as far from it.
+    # The point of a face nearest to the centre is its circumcentre, because all corners are equally
+    # far from the centre.
     inside = (np.einsum("ij,ij->i", normals, a) / np.linalg.norm(normals, axis=1)).min()
     larger = 2.0 * radius / (1.0 + float(inside))
     return Facets(vertices * larger, faces, deviation=deviation_of(larger, radius))
 
 
 def deviation_of(larger: float, radius: float) -> float:
-    """How far corners at `larger` from an axis or a centre are off, with what rounding adds."""
+    """Return how far corners at `larger` from an axis or a centre are off, rounding included."""
     return (larger - radius) * RESERVE + 8.0 * DOUBLE_EPS * larger
 
 
 def _icosahedron() -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Its twelve corners, of length 1, and twenty faces."""
+    """Return the twelve corners, of length 1, and the twenty faces."""
     golden = 0.5 * (1.0 + math.sqrt(5.0))
     signs = [(x, y) for x in (-1.0, 1.0) for y in (-golden, golden)]
     corners = np.array([np.roll((0.0, *each), k) for k in range(3) for each in signs])
     apart = np.linalg.norm(corners[:, None] - corners, axis=2)
-    near = np.isclose(apart, 2.0)  # the length of its edges
+    near = np.isclose(apart, 2.0)  # the length of an edge
     faces = [
         (i, j, k) if np.linalg.det(corners[[i, j, k]]) > 0.0 else (i, k, j)
         for i in range(12) for j in range(i) for k in range(j)

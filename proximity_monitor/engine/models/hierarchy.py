@@ -1,4 +1,4 @@
-"""The bounding volume hierarchy of a model, as the kernels find it: what every model has."""
+"""The bounding volume hierarchy that every model has, with the tables by which kernels find it."""
 
 from __future__ import annotations
 
@@ -25,17 +25,17 @@ Solid = bool | Literal["robust"] | None
 
 
 class Hierarchy(ABC):
-    """Volumes around elements, perhaps swept by a ball. It never changes; `refitted` makes others.
+    """Bounding volumes around elements, perhaps swept by a ball; immutable.
 
-    Questions ask a model for it (`Model._hierarchy`) and hand its trees or tables to the kernels.
-    A table holds addresses: whoever uses one keeps the hierarchy. Each kind of elements derives a
-    class of its own.
+    `refitted` makes another hierarchy of the same structure. A question takes the hierarchy
+    from the model (`Model._hierarchy`) and passes its trees or tables to the kernels. A table holds
+    addresses of arrays, so its user must keep the hierarchy. Each kind of element has a subclass.
     """
 
     KEPT: ClassVar[tuple[str, ...]] = (
         "deviation", "depth", "distinct", "numbers", "solid", "swept_radius", "tree",
     )  # fmt: skip
-    """What a hierarchy cannot be made again without."""
+    """The attributes from which a hierarchy can be made again."""
 
     __slots__ = (
         "_ranges", "_sampled", "_sides", "_spread", "centre", "core_radius", "depth", "deviation",
@@ -43,42 +43,44 @@ class Hierarchy(ABC):
     )  # fmt: skip
 
     swept_radius: float
-    """Metres: the ball that sweeps the elements."""
+    """Metres: radius of the ball that sweeps the elements."""
     deviation: float
-    """Metres: how far the surface may be from that of the thing that the model stands for."""
+    """Metres: how far the surface may be from that of the part that the model stands for."""
     solid: Solid
-    """What was asked for; `is_solid` is what it is."""
+    """What the caller asked for; `is_solid` tells what the model is."""
     numbers: NDArray[np.int32]
-    """(m,) what each element, in tree order, is called outside: a triangle's face, a piece's patch.
-    """
+    """(m,) the number that answers give each element, in tree order: a triangle's face, a piece's
+    patch."""
     depth: int
     """The number of levels."""
     tree: Tree | SurfaceTree
     """All volumes and elements, as the kernels see them."""
     distinct: Tree | SurfaceTree
-    """The same without the volumes that hold nothing but twins; `tree` itself where none do."""
+    """The same without volumes that hold only twins, elements that coincide with another one. It
+    is `tree` itself if there are no such volumes."""
     table: NDArray[np.int64]
-    """The addresses of `distinct`: who looks for the nearest needs one of several that coincide."""
+    """The addresses of `distinct`, for searches of the nearest element, of which one is enough."""
     table_of_all: NDArray[np.int64]
-    """The addresses of `tree`: who lists or counts elements needs all."""
+    """The addresses of `tree`, for questions that list or count elements."""
     centre: NDArray[np.float64]
     """(3,) metres, model frame: centre of a sphere that holds every used vertex."""
     core_radius: float
     """Metres: radius of that sphere, rounding included."""
     radius: float
-    """Metres: radius of a sphere around `centre` that holds all the model stands for."""
+    """Metres: radius of a sphere around `centre` that holds all that the model stands for."""
 
     cell_width: int = 0
-    """Numbers that the control points of a part of an element take; 0: none is ever divided."""
+    """How many numbers the control points of a part of an element take; 0: elements are never
+    divided."""
 
     @property
     def tree_kind(self) -> type:
-        """By what type of tree kernels find it; they may take it for that of `tree` as well."""
+        """The type of tree that selects its kernels; those for the type of `tree` work as well."""
         return type(self.tree)
 
     @classmethod
     def _made(cls, kept: dict[str, Any]) -> Self:
-        """A hierarchy of what is kept."""
+        """Return a hierarchy made from the KEPT attributes."""
         made = cls.__new__(cls)
         made._take(kept)
         made._measure()
@@ -88,10 +90,7 @@ class Hierarchy(ABC):
         return {name: getattr(self, name) for name in self.KEPT}
 
     def core(self) -> Self:
-        """The hierarchy of what the ball sweeps: the same volumes, swept by nothing.
-
-        It does not deviate from anything, either.
-        """
+        """Return the hierarchy of the core: the same volumes with swept radius and deviation 0."""
         scale = self.tree.scale.copy()
         scale[[SWEPT, DEVIATION]] = 0.0
         scale.setflags(write=False)
@@ -101,7 +100,7 @@ class Hierarchy(ABC):
         return self._made(self._kept() | changed)
 
     def _take(self, kept: dict[str, Any]) -> None:
-        """Take what is kept, and make the tables by which kernels find it."""
+        """Set the KEPT attributes, and make the tables by which kernels find the trees."""
         for name, value in kept.items():
             setattr(self, name, value)
         self.table_of_all = self.table = self._table(self.tree)
@@ -114,16 +113,16 @@ class Hierarchy(ABC):
 
     @abstractmethod
     def _table(self, tree: Tree | SurfaceTree) -> NDArray[np.int64]:
-        """The addresses of a tree and of `numbers`."""
+        """Return the addresses of a tree and of `numbers`."""
 
     @abstractmethod
     def _corners(self) -> NDArray[np.float64]:
-        """Points (k, 9), three in a row, metres, whose convex hull holds every element."""
+        """Return points (k, 9), three per row, metres, whose convex hull holds every element."""
 
     def _measure(self, error: float = 0.0) -> None:
         """Find the sphere: the centre of the bounding box and the largest distance, rounded up.
 
-        `error` metres is what the points may be wrong by.
+        The points may be wrong by `error` metres.
         """
         centre = np.empty(3)
         radius, _, _ = measure(self._corners(), centre)
@@ -137,16 +136,16 @@ class Hierarchy(ABC):
     @property
     @abstractmethod
     def some_point(self) -> NDArray[np.float64]:
-        """(3,) metres, model frame: one point of what is swept."""
+        """(3,) metres, model frame: one point of the core."""
 
     @property
     @abstractmethod
     def some_feature(self) -> tuple[float, float, float, float]:
-        """Where that point lies: three parameters and the number of an element."""
+        """Where `some_point` lies: three parameters and the number of an element."""
 
     @property
     def error(self) -> float:
-        """Metres: what points of its elements err by, and what closes the gaps of a solid."""
+        """Metres: the error of points of elements, plus the distance that closes a solid's gaps."""
         return 0.0
 
     @property
@@ -157,39 +156,42 @@ class Hierarchy(ABC):
     @property
     def is_solid(self) -> bool:
         """Whether it has an inside."""
-        swept = self.swept_radius > 0.0 and self.solid is not False  # known without a look
+        swept = self.swept_radius > 0.0 and self.solid is not False  # needs no examination
         return swept or not self.sides().reason
 
     def sides(self) -> Sides:
-        """Where it has an inside; found when first asked."""
+        """Return where the model has an inside; found at the first call."""
         if self._sides is None:
             self._sides = self._find_sides()
         return self._sides
 
     @abstractmethod
     def _find_sides(self) -> Sides:
-        """Find where it has an inside."""
+        """Find out where the model has an inside."""
 
     def ranges(self) -> NDArray[np.int32]:
-        """Which elements, in tree order, stand under each node (k, 2); made when first needed."""
+        """Return (k, 2) the range of elements, in tree order, under each node; made when needed."""
         if self._ranges is None:
             self._ranges = node_ranges(self.tree.children)
         return self._ranges
 
     def spread_corners(self) -> NDArray[np.int32]:
-        """A few points of each node, far apart, as 3 element + point (k, 4); made when needed."""
+        """Return four points under each node, far apart (k, 4), as 3 element + point.
+
+        They are found at the first call.
+        """
         if self._spread is None:
             self._spread = spread_corners(self._samples(), self.tree.children)
         return self._spread
 
     @abstractmethod
     def _samples(self) -> NDArray[np.float64]:
-        """Three points of each element, in tree order (m, 9), metres."""
+        """Return three points of each element, in tree order (m, 9), metres."""
 
     def sampled(self) -> NDArray[np.int64]:
-        """The table of the same volumes over triangles of three points of each element.
+        """Return the table of the same volumes over triangles, one of three points per element.
 
-        It tells where points of every element are, whatever its kind. Of a mesh all triangles.
+        It gives points of every element of any kind of model. For a mesh they are its triangles.
         """
         if self._sampled is None:
             tree = self.tree
@@ -199,11 +201,11 @@ class Hierarchy(ABC):
         return self._sampled[1]
 
     def __getstate__(self) -> dict[str, Any]:
-        """Everything but addresses and what can be found again."""
+        """Return the KEPT attributes; addresses and everything else can be found again."""
         return self._kept()
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Freeze what pickle thawed: of other arrays the kernels would be compiled once more."""
+        """Restore from a pickle, with read-only arrays: kernels are compiled for these alone."""
         for array in self._frozen(state):
             array.setflags(write=False)
         self._take(state)
@@ -211,5 +213,5 @@ class Hierarchy(ABC):
 
     @staticmethod
     def _frozen(state: dict[str, Any]) -> tuple[NDArray, ...]:
-        """The read-only arrays of what is kept."""
+        """Return the arrays among the KEPT attributes that must be read-only."""
         return *arrays_of(state["tree"]), *arrays_of(state["distinct"])

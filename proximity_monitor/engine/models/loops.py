@@ -1,10 +1,12 @@
-"""Which way trimming loops run around what they leave, and a proof that they do not cross.
+"""Find out on which side of trimming loops the patch is left, and prove that they do not cross.
 
-What is left of a patch is inside an odd number of loops. As a surface it has the loops for its
-boundary only if these neither cross nor touch themselves or each other: then they bound it with all
-of it on one side. That is proven by lines between the hulls of their stretches, which are halved
-until there is one. Where a stretch begins at the end of another, a line through that point must
-part them; at a cusp it does not, and what is left there undecided is only small.
+What is left of a patch is inside an odd number of loops. The loops are its boundary only if they
+neither cross nor touch themselves or each other. Then it lies on one side of each loop. The proof
+is a line between the hulls of any two stretches, which are halved until there is such a line. If a
+stretch begins at the end of another, the line must pass through this common point. At a cusp there
+is no such line; the stretches that stay undecided there need only be small.
+
+A stretch is a rational Bezier curve: homogeneous control points (n, 3) in the unit square.
 """
 
 from __future__ import annotations
@@ -22,29 +24,31 @@ if TYPE_CHECKING:
 Reals = NDArray[np.float64]
 
 _DEEP = 30
-"""Halvings of a stretch."""
+"""The most halvings of a stretch."""
 _SMALL = 1e-9
-"""A share of the rectangle: what is no larger is a point."""
+"""As a share of the rectangle: a stretch no larger than this is a point."""
 _CUSP = 1e-6
-"""The same: what is no larger beside a cusp may cross, for rounding hides whether it does."""
+"""As a share of the rectangle: stretches no larger than this beside a cusp may cross, because
+rounding hides whether they do."""
 
 _OUTSIDE = 0.5
-"""How far outside the rectangle, at least, what stands for a side lies (see trim.py)."""
+"""Segments that stand for a side of the rectangle are at least so far outside it (see trim.py)."""
 
 
 class Loops(NamedTuple):
-    """What is known of the loops of a trim."""
+    """The result of examining the loops of a trim."""
 
     reason: str
-    """Why they bound nothing; empty where they do."""
+    """Why they are no boundary; empty if they are."""
     turned: list[bool]
-    """Of each loop, whether what is left of the patch lies on its right."""
+    """For each loop, whether what is left of the patch lies on its right."""
     blur: float
-    """A share of the rectangle: how far from the loops it may be unlike what they bound."""
+    """As a share of the rectangle: what is left may differ from what the loops bound only within
+    this distance of the loops."""
 
 
 def examine(trim: Trim) -> Loops:
-    """Find out how loops run."""
+    """Find out on which side of its loops a patch is left, and whether the loops cross or touch."""
     slack = 4.0 * float(trim.record["slack"])
     loops, blur = [], slack
     for loop in trim.loops:
@@ -83,9 +87,10 @@ def examine(trim: Trim) -> Loops:
 
 
 def _fine(stretches: list[Reals]) -> tuple[list[Reals], float]:
-    """At least three stretches, none of which is nearly a point, each from the end of another.
+    """Return the stretches of a loop without those that are points, and how far ends were moved.
 
-    Returns them, and how far they were moved for that.
+    There are at least three, each of which begins exactly where the one before it ends; none if
+    the whole loop is a point.
     """
     found, moved = _without_folds(each for each in stretches if _size(each) > _SMALL), 0.0
     for before, each in zip([*found[-1:], *found[:-1]], found, strict=True):
@@ -98,9 +103,9 @@ def _fine(stretches: list[Reals]) -> tuple[list[Reals], float]:
 
 
 def _without_folds(stretches: Iterable[Reals]) -> list[Reals]:
-    """The stretches, those that follow each other on one line outside the rectangle as one.
+    """Join successive stretches that lie on one line outside the rectangle; return all stretches.
 
-    What leaves the rectangle and comes back at once is left out.
+    Two straight stretches that go somewhere and come back at once are dropped.
     """
     found: list[Reals] = []
     for each in stretches:
@@ -118,12 +123,12 @@ def _without_folds(stretches: Iterable[Reals]) -> list[Reals]:
 
 
 def _hull(net: Reals) -> Reals:
-    """The control points (n, 2) of one that is homogeneous."""
+    """Return control points (n, 2), whose hull holds the curve, from homogeneous ones (n, 3)."""
     return net[:, :2] / net[:, 2:]
 
 
 def halved(net: Reals, t: float = 0.5) -> tuple[Reals, Reals]:
-    """The curves before and behind a parameter (de Casteljau), of homogeneous control points."""
+    """Split a curve of homogeneous control points at a parameter (de Casteljau's algorithm)."""
     first, last = [net[0]], [net[-1]]
     while len(net) > 1:
         net = (1.0 - t) * net[:-1] + t * net[1:]
@@ -137,7 +142,7 @@ def _size(net: Reals) -> float:
 
 
 def _alone(net: Reals, slack: float, deep: int) -> float:
-    """How large a part of a stretch is that may cross itself."""
+    """Return the size of the largest part of a stretch that may cross itself; 0 if none can."""
     if len(net) == 2:
         return 0.0
     points = _hull(net)
@@ -151,7 +156,7 @@ def _alone(net: Reals, slack: float, deep: int) -> float:
 
 
 def _joined(a: Reals, b: Reals, slack: float, deep: int) -> float:
-    """How large those parts of two stretches are that may meet elsewhere than where b begins."""
+    """Return the size of the parts of a and b that may meet, besides where a ends and b begins."""
     p, q = _hull(a), _hull(b)
     before, behind = _unit(p[-1] - p[:-1][::-1]), _unit(q[1:] - q[0])
     n = before + behind
@@ -159,7 +164,7 @@ def _joined(a: Reals, b: Reals, slack: float, deep: int) -> float:
         return 0.0
     size = max(_size(a), _size(b))
     if len(a) == len(b) == 2:
-        return np.inf  # they fold back
+        return np.inf  # b folds back onto a
     if deep == 0 or size <= slack:
         return size
     (a, near_a), (near_b, b) = halved(a), halved(b)
@@ -171,14 +176,14 @@ def _joined(a: Reals, b: Reals, slack: float, deep: int) -> float:
 
 
 def _unit(ways: Reals) -> Reals:
-    """The unit vector along the first (k, 2) that is not 0."""
+    """Return the unit vector along the first of vectors (k, 2) that is not 0."""
     lengths = np.hypot(*ways.T)
     first = int(np.argmax(lengths > 0.0))
     return ways[first] / max(lengths[first], 1e-300)
 
 
 def _apart(a: Reals, b: Reals, slack: float, deep: int) -> bool:
-    """Whether two stretches surely do not meet."""
+    """Tell whether two stretches certainly do not meet."""
     p, q = _hull(a), _hull(b)
     along = np.array([p[-1] - p[0], q[-1] - q[0]])
     ways = np.concatenate([along, along[:, ::-1] * (1.0, -1.0), np.eye(2)])
@@ -196,9 +201,9 @@ def _apart(a: Reals, b: Reals, slack: float, deep: int) -> bool:
 
 
 def _holds(loop: Sequence[Reals], place: Reals, slack: float) -> bool:
-    """Whether a loop runs around a point that does not lie on it: crossings of a ray to the right.
+    """Tell whether a loop runs around a point off it, from the crossings of a ray to the right.
 
-    As in kernels/surface/trim.py: away from its hull a stretch counts as its chord.
+    Outside of its hull a stretch counts as its chord, as in kernels/surface/trim.py.
     """
     odd, waiting = False, [(each, _DEEP) for each in loop]
     while waiting:
@@ -217,12 +222,12 @@ def _holds(loop: Sequence[Reals], place: Reals, slack: float) -> bool:
 
 
 def _area(loop: Sequence[Reals]) -> float:
-    """Twice the area that a loop bounds, positive where it lies on the left; its sign is proven."""
+    """Return about twice a loop's area, positive if it is on the left; the sign is proven."""
     for _ in range(_DEEP):
         ends = np.array([_hull(each)[0] for each in loop])
         there = np.roll(ends, -1, axis=0)
         area = float((ends[:, 0] * there[:, 1] - ends[:, 1] * there[:, 0]).sum())
-        # Between a curve and its chord there is no more than their hull, twice.
+        # A curve and its chord enclose at most twice their hull's area, and `area` is doubled.
         missing = sum(4.0 * _hull_area(each) for each in loop)
         if abs(area) > missing + 1e-12:
             break
@@ -231,7 +236,7 @@ def _area(loop: Sequence[Reals]) -> float:
 
 
 def _hull_area(net: Reals) -> float:
-    """No less than the area of the hull of control points."""
+    """Return an upper bound of the area of the hull of control points."""
     points = _hull(net) - _hull(net)[0]
     way = points[-1]
     length = float(np.hypot(*way))

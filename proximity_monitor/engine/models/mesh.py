@@ -24,41 +24,43 @@ _WAY_OUT = (
     "or solid=False, which takes it for a surface"
 )
 _LIES_ON = ("vertex", "edge", "face")
-"""By how many barycentric weights are not zero, less one."""
+"""What a point lies on, by the number of its barycentric weights that are not 0, less one."""
 
 
 class TriangleMesh(Model):
     """A triangle mesh with its bounding volume hierarchy, ready for queries.
 
-    The arrays are copied, checked and frozen; degenerate triangles (segments, points) are kept and
-    take part like any others. What kind of volume the hierarchy consists of changes no answer, only
-    the time it takes.
+    The arrays are copied, checked and made read-only. Degenerate triangles (segments, points) are
+    kept and take part like any others. The kind of bounding volume changes no answer, only the time
+    it takes.
 
     Args:
         vertices: (n, 3) metres, model frame.
         faces: (m, 3) integers, indices of vertices; m >= 1.
         name: what messages call this mesh.
-        radius: metres; the ball that sweeps the triangles: the model is all points as near to them,
-            so that a point is a sphere and a segment a capsule, exactly.
-        deviation: metres; how far the surface may be from that of the thing it stands for, as a
-            tessellation's is. Every bound is widened by as much.
-        volume: the bounding volumes, for the study of hierarchies; the default suits nearly every
-            use: "rss", "lss" or "pss" (rectangle, line and point swept spheres), "hybrid" (of each
-            node the one that its dimensions suggest; Larsen et al. 1999, section 4.2), or, for
-            comparison, "obb" or "aabb" (boxes along the principal axes of what they hold or along
-            the model frame's, with their distances by GJK; Johnson and Cohen 1997, section 3.1.1).
-        solid: whether it has an inside, of which `signed_distance` knows. None: if it encloses
-            one, which is found out when first asked, some 15 ms for 100,000 triangles. True: it
-            must, which is checked here and at every `deform`. False: it is a surface, whatever it
-            encloses. "robust": if it encloses none because faces are missing or turned, its
-            inside is where its generalised winding number is more than one half either way
-            (Jacobson et al. 2013), within the sphere `centre`, `core_radius` and the box around all
-            corners of its faces along the model's axes.
+        radius: metres; radius of a ball that sweeps the triangles. The model is then all points
+            within this radius of them: a point is exactly a sphere, a segment a capsule.
+        deviation: metres; how far the surface may be from that of the part it stands for, as in a
+            tessellation. Every bound is widened by it.
+        volume: the kind of bounding volume, for the study of hierarchies. The default suits nearly
+            every use. "rss", "lss" or "pss": rectangle, line or point swept spheres. "hybrid": in
+            each node the one that its dimensions suggest (Larsen et al. 1999, section 4.2). For
+            comparison "obb" or "aabb": boxes along the principal axes of what they hold, or along
+            those of the model frame, with distances by GJK (Johnson and Cohen 1997, section 3.1.1).
+        solid: whether the mesh has an inside, where `signed_distance` is negative. None: it has one
+            if it encloses one; this is found out when first needed, in some 15 ms for 100,000
+            triangles. True: it must enclose one, which is checked here and at every `deform`.
+            False: it is a surface, whatever it encloses. "robust": if it encloses nothing because
+            faces are missing or turned, its inside is where its generalised winding number is above
+            one half or below minus one half (Jacobson et al. 2013), within the sphere of radius
+            `core_radius` around `centre` and within the axis-aligned box, in the model frame,
+            around all corners of its faces.
 
     Raises:
-        ModelError: wrong shapes, no faces, a vertex that is not finite or beyond 1e45 m, a face
-            that names no vertex, a radius or deviation that is not a number from 0 to 1e45 m, an
-            unknown volume or `solid`, no solid though it must be one; the message says which.
+        ModelError: an array has a wrong shape; there are no faces; a vertex is not finite or beyond
+            1e45 m; a face names no vertex; a radius or deviation is no number from 0 to 1e45 m;
+            `volume` or `solid` is unknown; the mesh must be a solid and is none. The message says
+            which.
     """
 
     __slots__ = ("_hierarchy", "name")
@@ -93,7 +95,7 @@ class TriangleMesh(Model):
 
     @property
     def vertices(self) -> NDArray[np.float64]:
-        """(n, 3) metres, model frame; read-only. `deform` puts another array in its place."""
+        """(n, 3) metres, model frame; read-only. `deform` replaces the array."""
         return self._hierarchy.vertices
 
     @property
@@ -108,7 +110,7 @@ class TriangleMesh(Model):
 
     @property
     def swept_radius(self) -> float:
-        """Metres: the ball that sweeps the triangles."""
+        """Metres: radius of the ball that sweeps the triangles."""
         return self._hierarchy.swept_radius
 
     @property
@@ -123,20 +125,21 @@ class TriangleMesh(Model):
 
     @property
     def solid(self) -> Solid:
-        """What was asked for; `is_solid` is what it is."""
+        """The argument `solid`; `is_solid` tells what the mesh is."""
         return self._hierarchy.solid
 
     @property
     def control_points(self) -> NDArray[np.float64]:
-        """The vertices."""
+        """The vertices (n, 3), metres, model frame; read-only."""
         return self.vertices
 
     def deform(self, points: ArrayLike) -> float:
-        """Move the vertices (n, 3): the same faces, and a hierarchy of the same structure.
+        """Move the vertices to points (n, 3), metres, model frame; the faces stay.
 
-        Far cheaper than a new mesh. Answers are as right as from a new mesh; they come as fast
-        while triangles that were neighbours stay neighbours, as in a body that bends. The nearest
-        triangles that a `Pair` remembers stay useful. See `Model.deform`.
+        The hierarchy keeps its structure, which is far cheaper than a new mesh. Answers are as
+        exact as those of a new mesh. They are as fast if triangles that were neighbours stay
+        neighbours, as in a body that bends. The nearest triangles that a `Pair` remembers stay
+        useful. For the result and the errors see `Model.deform`.
         """
         moved, before = checked_vertices(points, self.name), self.vertices
         if len(moved) != len(before):
@@ -145,35 +148,35 @@ class TriangleMesh(Model):
                 f"{len(before)}; build a new TriangleMesh for another topology"
             )
         self._take(self._hierarchy.refitted(moved))
-        # A point of a face moves by a mean of what its corners move by.
+        # The motion of a point of a face is a mean of the motions of the face's corners.
         return largest_norm(moved - before)
 
     def _take(self, hierarchy: MeshHierarchy) -> None:
-        """Take a hierarchy, unless it is no solid though it must be one."""
+        """Adopt a hierarchy; raise ModelError if the mesh must be a solid and is none."""
         if hierarchy.solid is True and (reason := hierarchy.sides().reason):
             raise ModelError(f"{self.name}: no solid: {reason}; {_WAY_OUT}")
         self._hierarchy = hierarchy
 
     def display_mesh(self, tolerance: float) -> DisplayMesh:
-        """Its own triangles; where a ball sweeps them, those of the surface.
+        """Return the mesh's own triangles or, if a ball sweeps them, a tessellation of the surface.
 
-        Their corners lie on the surface and their faces inside. Where there are many balls they are
-        rough ones, so that all together have some 60,000 triangles at most.
+        The corners of the tessellation lie on the surface and its faces inside. It is coarser than
+        the tolerance if there are many balls: it has some 60,000 triangles at most.
         """
         if not self.swept_radius > 0.0:
             return DisplayMesh(self.vertices, self.faces, off=0.0)
         *shown, within = tessellated(self.vertices, self.faces, self.swept_radius, tolerance)
-        # What rounding does to the corners is less than this.
+        # An upper bound of the rounding of the corners.
         rounding = 1e-14 * (self.radius + float(np.abs(self.centre).max()))
         return DisplayMesh(*shown, off=self.swept_radius - within + rounding)
 
     @staticmethod
     def feature(element: int, parameters: NDArray[np.float64]) -> Feature:
-        """The triangle, and barycentric weights (3,): not negative, and their sum is 1."""
+        """Return the triangle, and barycentric weights (3,), not negative, whose sum is 1."""
         return Feature(_LIES_ON[int(np.count_nonzero(parameters)) - 1], element, parameters)
 
     def digest(self) -> str:
-        """Of the triangles, the ball that sweeps them and the deviation."""
+        """Return a checksum, 16 hexadecimal digits, of triangles, swept radius and deviation."""
         found = hashlib.blake2b(self.kind.encode(), digest_size=8)
         found.update(struct.pack("<2d", self.swept_radius, self.deviation))
         for array in (self.vertices, self.faces):
@@ -182,7 +185,7 @@ class TriangleMesh(Model):
         return found.hexdigest()
 
     def describe(self, length: Callable[[float], str]) -> str:
-        """Its triangles; or the spheres, capsules or swept triangles."""
+        """Return the number of triangles, or of spheres, capsules or swept triangles, as text."""
         count = len(self.faces)
         what = "triangle"
         if self.swept_radius > 0.0:
@@ -192,14 +195,14 @@ class TriangleMesh(Model):
         return f"{many} of radius {length(self.swept_radius)}" if self.swept_radius else many
 
     def __getstate__(self) -> dict[str, Any]:
-        """All but addresses, and for which kernels the hierarchy was built."""
+        """Return all but addresses, with the version of the kernels that built the hierarchy."""
         return {"kernels": KERNELS, "name": self.name, "hierarchy": self._hierarchy.__getstate__()}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Take what pickle thawed.
+        """Restore the mesh from a pickle.
 
         Raises:
-            ModelError: another version pickled it, whose hierarchies are other ones.
+            ModelError: another version pickled it, whose hierarchies may differ.
         """
         if state["kernels"] != KERNELS:
             raise ModelError(
@@ -211,17 +214,17 @@ class TriangleMesh(Model):
         self._hierarchy.__setstate__(state["hierarchy"])
 
     def __repr__(self) -> str:
-        """Name and size."""
+        """Return name and size."""
         size = f"{len(self.vertices)} vertices, {len(self.faces)} faces"
         return f"TriangleMesh({self.name!r}, {size})"
 
 
 def largest_norm(vectors: NDArray[np.float64]) -> float:
-    """The largest length of vectors (n, 3) that are differences, rounded up.
+    """Return the largest length of vectors (n, 3) that are rounded differences, rounded up.
 
-    A power of two scales them, which is exact, so that no square overflows, and none that counts
-    underflows. The differences, squares, sums, root and product err by less than 4 u of the length
-    in all, u = eps / 2; the last step up pays for a result too small to be exact.
+    The vectors are scaled by a power of two, which is exact: no square overflows, and none that
+    matters underflows. The differences, squares, sums, root and product err by less than 4 u of
+    the length in all, u = eps / 2. The last step up covers a result too small to be exact.
     """
     largest = float(np.abs(vectors).max(initial=0.0))
     if largest == 0.0:

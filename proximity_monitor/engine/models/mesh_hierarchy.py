@@ -32,7 +32,7 @@ class MeshHierarchy(Hierarchy):
     volume: str
     """The kind of bounding volume, a key of VOLUMES."""
     coincident: Coincident
-    """Which vertices and triangles lay on each other when it was built."""
+    """Which vertices and triangles coincided when the hierarchy was built."""
 
     @classmethod
     def of(
@@ -45,7 +45,7 @@ class MeshHierarchy(Hierarchy):
         deviation: float,
         solid: Solid,
     ) -> Self:
-        """The hierarchy of checked triangles."""
+        """Build the hierarchy of checked triangles."""
         ahead.want("mesh")
         corners = np.ascontiguousarray(vertices[faces].reshape(-1, 9))
         built = build(corners, vertices, faces, volume, swept_radius, deviation)
@@ -56,10 +56,10 @@ class MeshHierarchy(Hierarchy):
         })  # fmt: skip
 
     def refitted(self, vertices: NDArray[np.float64]) -> Self:
-        """A hierarchy of the same structure over the same faces, whose checked vertices moved.
+        """Return a hierarchy of the same structure and faces for moved vertices, already checked.
 
-        Far cheaper than a new one. Its revision is one more, and what is known of the solid's edges
-        is used again.
+        This is far cheaper than a new one. The revision increases by one. What is known of the
+        edges of the solid is used again.
         """
         faces = self.faces.take(self.numbers, axis=0)
         corners = vertices.take(faces, axis=0).reshape(-1, 9)
@@ -85,7 +85,7 @@ class MeshHierarchy(Hierarchy):
 
     @property
     def some_feature(self) -> tuple[float, float, float, float]:
-        """The weights of that corner, and its face."""
+        """The barycentric weights of that corner, and its face."""
         return 1.0, 0.0, 0.0, 0.0
 
     def _find_sides(self) -> Sides:

@@ -1,4 +1,4 @@
-"""What is known of every model, whatever its kind: all that other rooms than the engine may use."""
+"""The protocol of all kinds of models: everything that code outside of the engine may use."""
 
 from __future__ import annotations
 
@@ -22,12 +22,13 @@ class Feature:
     """Where a point lies on a model.
 
     Attributes:
-        kind: what it lies on, in words of the model's kind; of a mesh "vertex", "edge" or "face",
-            of a surface "patch" or "curve".
-        index: which element of the model: a mesh's triangle, a patch, a profile curve.
-        parameters: where on it: (3,) barycentric weights of a triangle's corners; (2,) u and v of a
-            patch; (1,) that of a curve; t and theta of a curve that is revolved. Where a patch is
-            torn apart at a knot, that of either side is the knot, which evaluates to one of them.
+        kind: what the point lies on, in the words of the model's kind: "vertex", "edge" or "face"
+            of a mesh, "patch" or "curve" of a surface, "profile" of a solid of revolution.
+        index: the number of the element of the model: a mesh's triangle, a patch, a profile curve.
+        parameters: where on the element the point lies: (3,) barycentric weights of a triangle's
+            corners; (2,) u and v of a patch; (1,) the parameter of a curve; (2,) t and theta, in
+            radians, of the curve of a solid of revolution. If a patch is torn at a knot, points on
+            both sides of the tear have the knot as parameter, which evaluates to one side only.
     """
 
     kind: str
@@ -36,44 +37,44 @@ class Feature:
 
 
 class DisplayMesh(NamedTuple):
-    """Triangles that look like a model."""
+    """Triangles that show a model."""
 
     vertices: NDArray[np.float64]
     """(n, 3) metres, model frame."""
     faces: NDArray[np.int32]
-    """(m, 3) indices of vertices; outward faces have their corners counter-clockwise."""
+    """(m, 3) indices of vertices; seen from outside, corners are counter-clockwise."""
     normals: NDArray[np.float64] | None = None
     """(n, 3) unit normals of the surface at the vertices; None: each face is flat."""
     off: float = math.inf
-    """Metres: no point of the triangles is farther from the surface, and none of the surface from
-    them; inf: it is not known."""
+    """Metres: no point of the triangles is farther from the surface than this, and no point of the
+    surface is farther from the triangles; inf: unknown."""
 
     def corners(self) -> NDArray[np.float64]:
-        """The corners of the faces (m, 3, 3), metres."""
+        """Return the corners of the faces (m, 3, 3), metres, model frame."""
         return self.vertices[self.faces]
 
     def corner_normals(self) -> NDArray[np.float64] | None:
-        """The surface's unit normals at the corners of the faces (m, 3, 3); None: each is flat."""
+        """Return unit normals of the surface at the faces' corners (m, 3, 3); None: all flat."""
         return None if self.normals is None else self.normals[self.faces]
 
     def welded(self) -> NDArray[np.int32]:
-        """The faces (m, 3), where vertices of equal coordinates have the first one's number.
+        """Return the faces (m, 3), with equal vertices replaced by the first of them.
 
-        So a soup of triangles, as STL files hold it, has neighbours too.
+        So the triangles of a soup, as in STL files, have neighbours too.
         """
         return weld(self.vertices)[self.faces]
 
 
 class Model(ABC):
-    """A shape that can be asked about: the protocol of all kinds of models.
+    """A shape whose distances can be asked for: the protocol of all kinds of models.
 
-    A kind is a class with the methods below and a hierarchy. It may take its hierarchy from a model
-    that it consists of, as a ball does from `points`. A reader in `files`, or one that a package
-    registers, makes it from a file (see docs/models.md).
+    A kind is a class with the methods below and a hierarchy. It may use the hierarchy of a model
+    that it contains. A reader in `files`, or one that a package registers, makes a model from a
+    file (see docs/models.md).
 
     Attributes:
-        kind: what the kind is called.
-        control_name: what the points that give it its shape are called.
+        kind: how the model is stored: "mesh", "surface" or "solid of revolution".
+        control_name: what `control_points` are called: "vertices" or "control points".
         name: what messages call this model.
     """
 
@@ -84,7 +85,7 @@ class Model(ABC):
     name: str
 
     _hierarchy: Hierarchy
-    """What the kernels search; another one after each `deform`. Nobody but the engine uses it."""
+    """What the kernels search; replaced by each `deform`. Only the engine uses it."""
 
     @property
     @abstractmethod
@@ -98,49 +99,52 @@ class Model(ABC):
     def deform(self, points: ArrayLike) -> float:
         """Move the control points.
 
-        Every `Pair` of this model sees the new shape from its next question on. No search over it
-        may run in another thread meanwhile.
+        Every `Pair` of this model sees the new shape from its next question on. No other thread may
+        search the model meanwhile.
 
         Args:
-            points: (n, 3) metres, model frame; as many as there are. The array is copied.
+            points: (n, 3) metres, model frame; as many as `control_points`. The array is copied.
 
         Returns:
-            Metres, rounded up: no point of the model moved farther, so no distance changed by more.
+            Metres, rounded up: no point of the model moved farther than this, so no distance
+            changed by more.
 
         Raises:
-            ModelError: wrong shape, another number of points, one that is not finite or beyond
-                1e45 m; no solid any more though it must be one. The model is then as it was.
+            ModelError: the shape or the number of points is wrong; a point is not finite or beyond
+                1e45 m; the model must be a solid and would be none. The model is unchanged then.
         """
 
     @abstractmethod
     def display_mesh(self, tolerance: float) -> DisplayMesh:
-        """Triangles to show.
+        """Return triangles that show the model.
 
         Args:
-            tolerance: metres; no point of them should be farther from the surface. What is flat is
-                exact. 0 asks for the finest there is.
+            tolerance: metres; no point of the triangles should be farther from the surface. Flat
+                parts are exact. 0 asks for the finest triangles that the kind makes.
         """
 
     @staticmethod
     @abstractmethod
     def feature(element: int, parameters: NDArray[np.float64]) -> Feature:
-        """Where a point of an answer lies.
+        """Return where a point of an answer lies.
 
         Args:
-            element: which element of the model a search found, as answers have it.
-            parameters: (3,) where on it; what a kind does not need is 0.
+            element: the number of the element of the model, as in the answer.
+            parameters: (3,) where on the element, as in the answer; unused ones are 0.
         """
 
     @abstractmethod
     def digest(self) -> str:
-        """Tells this shape from others: of all that makes it up, its name left out."""
+        """Return a checksum that tells this shape from others; the name does not count."""
 
     @abstractmethod
     def describe(self, length: Callable[[float], str]) -> str:
-        """What it is made of, for people: ``12 triangles``, ``sphere of radius 50 mm``.
+        """Return what the model is made of, for people.
+
+        Examples are ``12 triangles`` and ``sphere of radius 50 mm``.
 
         Args:
-            length: a length in metres as text.
+            length: a function that formats a length in metres.
         """
 
     @property
@@ -150,34 +154,34 @@ class Model(ABC):
 
     @property
     def radius(self) -> float:
-        """Metres: radius of a sphere around `centre` that holds all the model stands for."""
+        """Metres: radius of a sphere around `centre` that holds all that the model stands for."""
         return self._hierarchy.radius
 
     @property
     def deviation(self) -> float:
-        """Metres: how far the surface may be from that of the thing it stands for."""
+        """Metres: how far the surface may be from that of the part it stands for."""
         return self._hierarchy.deviation
 
     @property
     def revision(self) -> int:
-        """How often it was deformed: what was computed before is outdated."""
+        """How often the model was deformed. Results for an earlier revision are outdated."""
         return self._hierarchy.revision
 
     @property
     def is_solid(self) -> bool:
-        """Whether it has an inside, of which `signed_distance` knows."""
+        """Whether the model has an inside, where `signed_distance` is negative."""
         return self._hierarchy.is_solid
 
     @property
     def not_solid(self) -> str:
-        """Why it has no inside, in words that follow its name; empty where it has one."""
+        """Why the model has no inside, as text to follow its name; empty if it has one."""
         return self._hierarchy.sides().reason
 
     @property
     def has_area(self) -> bool:
-        """Whether any of it is a surface; points and lines could hold nothing in any case."""
+        """Whether any element has an area; points and lines alone can never enclose anything."""
         return self._hierarchy.sides().proper
 
     def __repr__(self) -> str:
-        """Kind, name and what it is made of."""
+        """Return class, name and what the model is made of."""
         return f"{type(self).__name__}({self.name!r}, {self.describe('{:g} m'.format)})"

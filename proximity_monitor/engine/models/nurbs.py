@@ -1,4 +1,4 @@
-"""The control net of a NURBS patch or curve: what it has to be, and how it is evaluated."""
+"""The control net of a NURBS patch or curve: its checks, and how it is evaluated."""
 
 from __future__ import annotations
 
@@ -18,24 +18,25 @@ if TYPE_CHECKING:
     from .trim import Trim
 
 HIGHEST_DEGREE = 15
-"""Of a patch, in either direction."""
+"""The highest degree of a patch, in either direction."""
 
 SMALLEST_WEIGHT = 1e-50
-"""As a share of the largest, so that no product of weights and coordinates underflows."""
+"""The smallest weight, as a share of the largest: no product of weights and coordinates underflows.
+"""
 
 ONE = 1, 1
-"""A span in u and in v as it is."""
+"""Number of parts in u and in v if spans are not cut."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Net:
-    """A checked control net; a curve's has one column and no knots in v. Its arrays are frozen."""
+    """A checked control net with read-only arrays. A curve has one column and no knots in v."""
 
     control: NDArray[np.float64]
-    """(n_u, n_v, 3) metres."""
+    """(n_u, n_v, 3) metres, model frame."""
     weights: NDArray[np.float64] | None
-    """(n_u, n_v) as given, but for a power of two: the largest is at least 1/2 and below 1. None
-    where all are alike."""
+    """(n_u, n_v) the given weights times a power of two: the largest is at least 1/2 and below 1.
+    None: all are equal."""
     knots_u: NDArray[np.float64]
     knots_v: NDArray[np.float64]
     is_curve: bool
@@ -44,32 +45,32 @@ class Net:
 
     @property
     def degrees(self) -> tuple[int, int]:
-        """In u and in v; that of a curve is 0 in v."""
+        """The degrees in u and in v; a curve has 0 in v."""
         n_u, n_v, _ = self.control.shape
         return len(self.knots_u) - n_u - 1, 0 if self.is_curve else len(self.knots_v) - n_v - 1
 
     @property
     def spans(self) -> tuple[Spans, Spans]:
-        """Its polynomial spans in u and in v."""
+        """The polynomial spans in u and in v."""
         return self.parts(ONE)
 
     def parts(self, count: tuple[int, int]) -> tuple[Spans, Spans]:
-        """The same, each cut into so many parts in u and in v, but for that of a curve in v."""
+        """Return the spans in u and v, each cut into `count` parts; a curve has one span in v."""
         p, q = self.degrees
         along_v = NO_DIRECTION if self.is_curve else spans(self.knots_v, q, count[1])
         return spans(self.knots_u, p, count[0]), along_v
 
     @property
     def points(self) -> NDArray[np.float64]:
-        """The control points (n, 3), v fastest."""
+        """The control points (n, 3), metres, v fastest."""
         return self.control.reshape(-1, 3)
 
     def moved(self, points: NDArray[np.float64]) -> Self:
-        """The same net with other control points (n, 3)."""
+        """Return the same net with other control points (n, 3), metres."""
         return replace(self, control=frozen(points.reshape(self.control.shape)))
 
     def swapped(self) -> Self:
-        """The same patch with u for v, whose normals point to the other side; a curve as it is."""
+        """Return the patch with u and v exchanged, which turns its normals; a curve unchanged."""
         if self.is_curve:
             return self
         weights = None if self.weights is None else frozen(self.weights.T.copy())
@@ -78,7 +79,7 @@ class Net:
         return Net(control, weights, self.knots_v, self.knots_u, False, trim)
 
     def homogeneous(self) -> NDArray[np.float64]:
-        """The control net (n_u, n_v, 4) in homogeneous coordinates, x w, y w, z w and w."""
+        """Return the control net (n_u, n_v, 4) in homogeneous coordinates x w, y w, z w and w."""
         made = np.empty((*self.control.shape[:2], 4))
         made[..., :3] = self.control
         made[..., 3] = 1.0
@@ -87,9 +88,9 @@ class Net:
         return made
 
     def pieces(self, parts: tuple[int, int] = ONE) -> NDArray[np.float64]:
-        """The control nets (s_u, s_v, degree_u + 1, degree_v + 1, 4) of its Bezier pieces.
+        """Return the control nets (s_u, s_v, degree_u + 1, degree_v + 1, 4) of the Bezier pieces.
 
-        Each span may be cut into parts, in u and in v.
+        They are homogeneous. Each span is cut into `parts` in u and in v.
         """
         made = cut(self.homogeneous(), *self.parts(parts))
         if self.weights is None:
@@ -97,17 +98,17 @@ class Net:
         return made
 
     def error(self, parts: tuple[int, int] = ONE) -> float:
-        """Metres by which rounding may move a point in `pieces`."""
+        """Return how far, in metres, rounding may move a point of `pieces`."""
         largest = float(np.linalg.norm(self.points, axis=1).max())
         return conversion_error(*self.parts(parts), self.weights is not None, largest)
 
     def derivatives(
         self, u: NDArray[np.float64], v: NDArray[np.float64], order: int
     ) -> NDArray[np.float64]:
-        """The partial derivatives (k, order + 1, order + 1, 3) at u and v (k,).
+        """Return the partial derivatives (k, order + 1, order + 1, 3) at u and v (k,), metres.
 
-        [:, i, j] is the i-th in u of the j-th in v; those beyond i + j = order are 0. Piegl and
-        Tiller, The NURBS Book, 1997, equation 4.20.
+        [:, i, j] is the derivative of order i in u and j in v; it is 0 if i + j > order. Piegl
+        and Tiller, The NURBS Book, 1997, equation 4.20.
         """
         along_u, along_v = self.spans
         first_u, in_u = basis(along_u, u, order)
@@ -130,7 +131,7 @@ class Net:
 
 
 def frozen(array: NDArray) -> NDArray:
-    """The array, which nobody writes to any more."""
+    """Make an array read-only and return it."""
     array.setflags(write=False)
     return array
 
@@ -141,10 +142,16 @@ def checked_net(
     weights: ArrayLike | None,
     name: str,
 ) -> Net:
-    """The net of a patch, whose knots in u and in v are given, or of a curve, in u alone.
+    """Return the net of a patch, if two knot vectors are given, or of a curve, if one is given.
+
+    Args:
+        control: (n_u, n_v, 3) metres; for a curve (n, 3), or (n, 2) with z = 0.
+        knots: the knot vectors in u and v, or in u alone; None: those of a Bezier patch or curve.
+        weights: (n_u, n_v) or (n,); None: all equal.
+        name: what messages call the model.
 
     Raises:
-        ModelError: naming what is wrong, and where.
+        ModelError: an argument is refused; the message says which, where and why.
     """
     directions = len(knots)
     given = as_reals(control, f"{name}: control", error=ModelError).copy()
@@ -178,7 +185,7 @@ def checked_net(
 
 
 def _checked_knots(knots: ArrayLike | None, count: int, what: str) -> NDArray[np.float64]:
-    """A copy of a knot vector of `count` control points; of None that of a Bezier patch."""
+    """Return a checked copy of a knot vector for `count` control points; None: a Bezier patch's."""
     if knots is None:
         if not 2 <= count <= HIGHEST_DEGREE + 1:
             raise ModelError(
@@ -223,7 +230,7 @@ def _checked_knots(knots: ArrayLike | None, count: int, what: str) -> NDArray[np
 def _checked_weights(
     weights: ArrayLike, shape: tuple[int, ...], what: str
 ) -> NDArray[np.float64] | None:
-    """A copy of the weights, times a power of two; None where all are alike."""
+    """Return a checked copy of the weights, times a power of two; None if all are equal."""
     given = as_reals(weights, what, error=ModelError).copy()
     if given.shape != shape:
         raise ModelError(f"{what}: shape {given.shape}, expected {shape}, as the control points'")
@@ -238,14 +245,14 @@ def _checked_weights(
 
 
 def scaled_weights(given: NDArray[np.float64]) -> NDArray[np.float64] | None:
-    """Weights times a power of two, so that the largest is below 1; None where all are alike."""
+    """Return weights times a power of two, so that the largest is in [1/2, 1); None: all equal."""
     if (given == given.flat[0]).all():
         return None
     return frozen(np.ldexp(given, -math.frexp(float(given.max()))[1]))
 
 
 def _refuse(bad: NDArray[np.bool_], given: NDArray[np.float64], what: str, must: str) -> None:
-    """Refuse an array at the first place that is bad, naming it."""
+    """Raise ModelError for the first bad element of an array, if there is any."""
     if bad.any():
         place = tuple(int(i) for i in np.argwhere(bad)[0])
         index = "".join(f"[{i}]" for i in place)

@@ -1,10 +1,11 @@
-"""Which way a closed curve runs, proven where it is farthest along some direction.
+"""Prove which way a simple closed curve runs, where it is farthest along some direction d.
 
-All of it but a short stretch stays below the farthest point along d. On that stretch let every
-control point be to the left of the one before, seen along a direction u that does not point down.
-Then a ray along u from a point of it that is above all the rest meets the curve nowhere else, so
-that the outside is there, to the right. That is so for any stretch that is short enough, except at
-a cusp; there, or where two places are equally far, another direction tells.
+The whole curve, except a short stretch, stays below the farthest point along d. Suppose that on
+this stretch every control point is to the left of the one before it, seen along a direction u with
+u d >= 0. Take a point of the stretch that is above all the rest of the curve. A ray from this point
+along u does not meet the curve again. So the outside is ahead, to the right of the curve. Every
+stretch that is short enough has such a u, unless it holds a cusp. At a cusp, or if two places are
+equally far along d, another d is tried.
 """
 
 from __future__ import annotations
@@ -20,30 +21,31 @@ from .loops import halved
 Reals = NDArray[np.float64]
 
 _DIRECTIONS = 12
-"""Directions that are tried."""
+"""How many directions d are tried."""
 _TURN = 2.4
-"""Radians from one to the next, so that no two are alike or askew to a drawing's axes."""
+"""Radians from one direction to the next: all differ, and none is along a drawing's axes."""
 _HALVINGS = 60
 _MOST = 24
-"""Pieces of a stretch; where more are about equally far, the next direction is tried."""
+"""The most pieces of a stretch. If more are about equally far, the next direction is tried."""
 _SLACK = 1e-13
-"""A share of the size, above what rounding does to points of pieces."""
+"""Rounding allowance for points of pieces, as a share of the size."""
 
 
 def balanced(pieces: Reals) -> Reals:
-    """The same pieces (..., n, 3), with parameters in which the weights of both ends are alike."""
+    """Return the pieces (..., n, 3) with parameters changed so that both end weights are equal."""
     degree = pieces.shape[-2] - 1
     ratio = (pieces[..., :1, 2:] / pieces[..., -1:, 2:]) ** (1.0 / max(degree, 1))
     return pieces * ratio ** np.arange(degree + 1.0)[:, None]
 
 
 def runs_leftward(curves: Sequence[Reals], size: float, closing: bool) -> bool | None:
-    """Whether a simple closed curve has what it encloses on its left; None: it cannot be told.
+    """Tell whether a simple closed curve has its inside on its left; None: it cannot be told.
 
     Args:
-        curves: of each the Bezier pieces (s, n, 3): x w, y w and w; one begins where another ends.
+        curves: the Bezier pieces (s, n, 3) of each curve: x w, y w and w. Each piece begins where
+            the one before it ends.
         size: the largest coordinate.
-        closing: whether a straight line leads from the last end to the first begin.
+        closing: whether a straight line from the last end to the first start closes the curve.
     """
     slack = _SLACK * size
     pieces = [piece for own in curves for piece in balanced(own)]
@@ -72,14 +74,14 @@ def runs_leftward(curves: Sequence[Reals], size: float, closing: bool) -> bool |
 def _turn(
     stretch: list[Reals], follows: NDArray[np.bool_], along: Reals, best: float, slack: float
 ) -> bool | None:
-    """Whether pieces that hold all that is far along d run leftward.
+    """Tell whether the pieces that are farthest along d run leftward; None: it cannot be told.
 
     Args:
-        stretch: in their order.
+        stretch: the m pieces in their order along the curve.
         follows: (m,) whether each begins where the one before it ends; the first one does not.
         along: (2,) d.
-        best: how far an end of one of them is along d; all other pieces are nearer.
-        slack: what counts for nothing.
+        best: how far the farthest end of a piece is along d; all other pieces are below.
+        slack: rounding allowance.
     """
     for _ in range(_HALVINGS):
         points = [piece[:, :2] / piece[:, 2:] for piece in stretch]
@@ -108,14 +110,14 @@ def _turn(
 def _side(
     u: Reals, steps: Reals, ways: Reals, is_best: NDArray[np.bool_], slack: float
 ) -> bool | None:
-    """Which way a stretch runs, seen along u; None where that does not tell.
+    """Tell whether a stretch runs leftward, seen along u; None: u does not tell.
 
     Args:
-        u: (2,) from its farthest point nothing that is left out lies ahead.
+        u: (2,) no piece outside of the stretch lies ahead of the farthest point along u.
         steps: (k, 2) from each control point to the next.
-        ways: (m, 2) from where each piece begins to where it ends.
-        is_best: (m - 1,) whether two pieces meet at that point.
-        slack: what counts for nothing.
+        ways: (m, 2) from the start of each piece to its end.
+        is_best: (m - 1,) whether the joint behind each piece but the last is a farthest point.
+        slack: rounding allowance.
     """
     rounding = slack * float(np.abs(u).max())
     left = u[0] * steps[:, 1] - u[1] * steps[:, 0]
@@ -123,13 +125,13 @@ def _side(
     if not (side * left >= -rounding).all():
         return None
     away = side * (u[0] * ways[:, 1] - u[1] * ways[:, 0])
-    # What goes back a little on its way does not come back that far.
+    # Steps may go back within rounding, but all together they cannot go back as far as this.
     clear = np.minimum(away[:-1], away[1:]) > 4.0 * len(steps) * rounding
     return side > 0.0 if (clear & is_best).any() else None
 
 
 def _unit(ways: Reals) -> Reals:
-    """The unit vector along the first (k, 2) that has a length."""
+    """Return the unit vector along the first of vectors (k, 2) that is not 0."""
     lengths = np.hypot(*ways.T)
     i = int(np.argmax(lengths > 0.0))
     return ways[i] / max(float(lengths[i]), 1e-300)

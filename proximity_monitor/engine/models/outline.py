@@ -1,8 +1,8 @@
 """The edges of patches as curves in space: sides, and the edges that trimming loops make.
 
-Along a side, or wherever one parameter stays the same, an edge is a rational Bezier curve, and so
-is every edge of a plane patch. Other edges are trimming curves on a surface: points of them are
-exact, and a bound of their second derivative tells how far they may be from chords in between.
+An edge along which u or v is constant, such as a side, is a rational Bezier curve. So is every edge
+of a plane patch. Any other edge is a trimming curve on a surface. Its points are exact, and a bound
+of its second derivative tells how far it may be from the chords between them.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ Reals = NDArray[np.float64]
 _FLAT = 1e-12
 """How far, as a share of its size, a patch of degree 1 may be from a parallelogram."""
 _BEYOND = 1e-9
-"""How far beyond its patch's rectangle, as a share of that, a loop may run (see edges.py)."""
+"""How far a loop may leave its patch's rectangle, as a share of it (see edges.py)."""
 _LOOKS = 9
-"""Points that tell how far an edge on a surface extends."""
+"""How many points are sampled to bound an edge on a surface by a box."""
 
 
 class RationalCurve(NamedTuple):
@@ -36,23 +36,23 @@ class RationalCurve(NamedTuple):
 
     @property
     def points(self) -> Reals:
-        """(n, 3) control points in space; the curve lies in their hull."""
+        """(n, 3) control points in space, metres; the curve lies in their hull."""
         return self.net[:, :3] / self.net[:, 3:]
 
     def turned(self) -> Self:
-        """The other way."""
+        """Return the reversed curve."""
         return self._replace(net=self.net[::-1])
 
     def halved(self, t: float) -> tuple[Self, Self]:
-        """The curves before and behind a parameter."""
+        """Split the curve at a parameter."""
         return tuple(self._replace(net=each) for each in halved(self.net, t))
 
     def at(self, t: Reals) -> Reals:
-        """The points (k, 3) at parameters (k,)."""
+        """Return the points (k, 3) at parameters (k,)."""
         return _at(self.net, t)
 
     def bend(self) -> float:
-        """A bound of the second derivative, metres."""
+        """Return an upper bound of the second derivative's length, metres."""
         _, second = _rates(self.net)
         return float(np.linalg.norm(second))
 
@@ -62,15 +62,15 @@ class Chart(NamedTuple):
 
     net: Net
     homogeneous: Reals
-    """(n_u, n_v, 4) its control points."""
+    """(n_u, n_v, 4) the control net in homogeneous coordinates."""
     first: Reals
-    """(2,) metres: bounds of the derivatives by either parameter."""
+    """(2,) metres: upper bounds of the first derivatives by x and y of the unit square."""
     second: Reals
-    """(2, 2) of the second ones."""
+    """(2, 2) metres: upper bounds of the second derivatives."""
 
     @classmethod
     def of(cls, net: Net) -> Self:
-        """The map of a patch."""
+        """Make the chart of a trimmed patch."""
         record = net.trim.record
         steps = []
         for axis, along in enumerate(net.spans):
@@ -92,7 +92,7 @@ class Chart(NamedTuple):
         return cls(net, net.homogeneous(), speeds, np.array([[uu, uv], [uv, vv]]))
 
     def parameters(self, axis: int, share: Reals) -> Reals:
-        """A parameter of the patch, from its share; as `from_unit` of the kernels."""
+        """Return parameters of the patch from coordinates in the unit square; see `from_unit`."""
         trim = self.net.trim.record
         share, arcs = np.clip(share, 0.0, 1.0), int(trim["arcs"][axis])
         if arcs:
@@ -104,15 +104,15 @@ class Chart(NamedTuple):
 
 
 class ChartCurve(NamedTuple):
-    """A curve in the unit square of a chart, as one in space."""
+    """A curve in space, given in the unit square of a chart."""
 
     chart: Chart
     net: Reals
-    """(n, 3) control points, homogeneous."""
+    """(n, 3) control points in the unit square, homogeneous."""
 
     @property
     def points(self) -> Reals:
-        """Some points of it, and corners of a box around it."""
+        """(11, 3) metres: points of the curve, ends first and last, and two corners of its box."""
         t = np.linspace(0.0, 1.0, _LOOKS)
         found = self.at(t)
         beyond = self.bend() / (8.0 * (_LOOKS - 1) ** 2)
@@ -120,15 +120,15 @@ class ChartCurve(NamedTuple):
         return np.concatenate([found[:-1], [low, high], found[-1:]])
 
     def turned(self) -> Self:
-        """The other way."""
+        """Return the reversed curve."""
         return self._replace(net=self.net[::-1])
 
     def halved(self, t: float) -> tuple[Self, Self]:
-        """The curves before and behind a parameter."""
+        """Split the curve at a parameter."""
         return tuple(self._replace(net=each) for each in halved(self.net, t))
 
     def at(self, t: Reals) -> Reals:
-        """The points (k, 3) at parameters (k,)."""
+        """Return the points (k, 3) at parameters (k,)."""
         x, y = _at(self.net, t).T
         spans = self.chart.net.spans
         first_u, in_u = basis(spans[0], self.chart.parameters(0, x), 0)
@@ -141,26 +141,26 @@ class ChartCurve(NamedTuple):
         return found[:, :3] / found[:, 3:]
 
     def bend(self) -> float:
-        """A bound of the second derivative, metres."""
+        """Return an upper bound of the second derivative's length, metres."""
         first, second = _rates(self.net)
         return float(first @ self.chart.second @ first + self.chart.first @ second)
 
 
 class Edge(NamedTuple):
-    """A directed edge, on whose left its patch lies, seen from where the normal points to."""
+    """A directed edge; its patch lies on its left, seen against the patch's normal."""
 
     curve: RationalCurve | ChartCurve
     patch: int
     points: Reals
-    """(n, 3) in whose box it lies, its ends first and last."""
+    """(n, 3) metres: points whose bounding box holds the edge; its ends are first and last."""
 
     @classmethod
     def of(cls, curve: RationalCurve | ChartCurve, patch: int) -> Self:
-        """The edge of a patch along a curve."""
+        """Make the edge of a patch along a curve."""
         return cls(curve, patch, curve.points)
 
     def turned(self) -> Self:
-        """The other way."""
+        """Return the reversed edge."""
         return self._replace(curve=self.curve.turned(), points=self.points[::-1])
 
 
@@ -169,13 +169,13 @@ class Outline(NamedTuple):
 
     edges: list[Edge]
     blur: float
-    """Metres: how far they may be from the boundary of what is left of it."""
+    """Metres: how far the edges may be from the boundary of what is left of the patch."""
     reason: str
-    """Why they bound nothing; empty where they do."""
+    """Why the loops are no boundary; empty if they are."""
 
 
 def outline(net: Net, patch: int) -> Outline:
-    """The edges of a patch; a curve has none."""
+    """Return the edges of a patch; a curve has none."""
     if net.is_curve:
         return Outline([], 0.0, "")
     if net.trim is None:
@@ -200,10 +200,10 @@ def outline(net: Net, patch: int) -> Outline:
 
 
 def _sides(net: Net) -> Iterator[Reals]:
-    """The edges of a patch's pieces that are not also those of the piece beside."""
+    """Yield the edges of a patch's pieces that are not shared with the piece beside, directed."""
     made = net.pieces()
     for turned in (False, True):
-        # The second time as if u were v, which turns all directions.
+        # The second pass exchanges u and v, which reverses all directions.
         each = made.transpose(1, 0, 3, 2, 4) if turned else made
         low, high = each[:, :, :, 0], each[:, :, :, -1]
         torn = (low[:, 1:] != high[:, :-1]).any(axis=(2, 3))
@@ -215,7 +215,10 @@ def _sides(net: Net) -> Iterator[Reals]:
 
 
 def _parallelogram(net: Net) -> Reals | None:
-    """(3, 3) the origin and both sides of a plane patch; None: it is none, or runs unevenly."""
+    """Return origin and both sides (3, 3) of a patch that is a parallelogram, else None.
+
+    None as well if its unit square is not mapped linearly: weights, higher degrees, arcs.
+    """
     if net.weights is not None or net.control.shape[:2] != (2, 2) or net.trim.record["arcs"].any():
         return None
     (a, b), (c, d) = net.control
@@ -225,7 +228,7 @@ def _parallelogram(net: Net) -> Reals | None:
 
 
 def _lifted(chart: Chart, flat: Reals | None, curve: Reals) -> Iterator[RationalCurve | ChartCurve]:
-    """A curve (n, 3) of the unit square as curves in space, each on one piece."""
+    """Yield a curve (n, 3) of the unit square as curves in space, each on one piece."""
     net = chart.net
     if flat is not None:
         frame = np.array([[*flat[1], 0.0], [*flat[2], 0.0], [*flat[0], 1.0]])
@@ -253,7 +256,10 @@ def _lifted(chart: Chart, flat: Reals | None, curve: Reals) -> Iterator[Rational
 def _isoparametric(
     chart: Chart, axis: int, share: float, begin: float, end: float
 ) -> Iterator[RationalCurve]:
-    """Where one parameter has one share, and the other runs from one to another."""
+    """Yield the curves, one per piece, along which coordinate `axis` of the unit square is `share`.
+
+    The other coordinate runs from `begin` to `end`.
+    """
     made = chart.net.pieces()
     if axis == 1:
         made = made.transpose(1, 0, 3, 2, 4)
@@ -278,7 +284,7 @@ def _isoparametric(
 
 
 def _at(net: Reals, t: Reals) -> Reals:
-    """The points (k, c) at parameters (k,) of homogeneous control points (n, c + 1)."""
+    """Return the points (k, c) at parameters (k,) of homogeneous control points (n, c + 1)."""
     level = np.broadcast_to(net[:, None], (len(net), len(t), net.shape[1]))
     while len(level) > 1:
         level = (1.0 - t[:, None]) * level[:-1] + t[:, None] * level[1:]
@@ -286,9 +292,10 @@ def _at(net: Reals, t: Reals) -> Reals:
 
 
 def _rates(net: Reals) -> tuple[Reals, Reals]:
-    """Bounds (c,) of the first two derivatives of a curve of homogeneous control points (n, c + 1).
+    """Return bounds (c,) of the first and of the second derivative of a curve, by coordinate.
 
-    r = N / w has r' = (N' - w' r) / w and r'' = (N'' - 2 w' r' - w'' r) / w; about its middle.
+    Its control points (n, c + 1) are homogeneous. Seen from the middle of the curve, r = N / w has
+    r' = (N' - w' r) / w and r'' = (N'' - 2 w' r' - w'' r) / w.
     """
     degree, weights = len(net) - 1, net[:, -1]
     points = net[:, :-1] / weights[:, None]
@@ -307,9 +314,10 @@ def _rates(net: Reals) -> tuple[Reals, Reals]:
 
 
 def _derivatives(pieces: Reals) -> tuple[Reals, Reals]:
-    """Bounds (2, s_u, s_v) and (2, 2, s_u, s_v) of the derivatives of pieces over 0..1, metres.
+    """Return bounds of the first and second derivatives of pieces over 0..1, metres.
 
-    As `_rates`, of pieces (s_u, s_v, p + 1, q + 1, 4).
+    The pieces are (s_u, s_v, p + 1, q + 1, 4), the bounds (2, s_u, s_v) and (2, 2, s_u, s_v). See
+    `_rates`.
     """
     weights = pieces[..., 3]
     points = pieces[..., :3] / weights[..., None]

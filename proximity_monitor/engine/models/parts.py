@@ -1,7 +1,7 @@
-"""Into how many parts the spans of patches and curves are cut, so that volumes are thin.
+"""Choose into how many parts the spans of patches and curves are cut, so that volumes are thin.
 
-Pieces of one size make the better hierarchy: a large one among small ones holds up whatever is
-beside it. Of a patch that loops trim, small pieces tell soon what has been cut off.
+Pieces of equal size make the better hierarchy: one large piece among small ones makes the volumes
+around its neighbours large. On a trimmed patch, small pieces show sooner what has been cut off.
 """
 
 from __future__ import annotations
@@ -15,29 +15,30 @@ from numpy.typing import NDArray
 from .nurbs import Net
 
 Parts = tuple[tuple[int, int], ...]
-"""Of each patch or curve: into how many parts each of its spans is cut, in u and in v."""
+"""For each patch or curve: into how many parts each of its spans is cut, in u and in v."""
 
 _PIECES, _MOST, _MOST_TRIMMED = 1024, 8, 16
-"""How many pieces a model of few spans is cut into, about, and the most parts of a span: volumes
-around smaller ones are thinner. Against a mesh that leaves an eighth of the pairs of leaves."""
+"""The approximate number of pieces of a model of few spans, and the most parts of a span, also of a
+trimmed patch. Small pieces have thin volumes: against a mesh, an eighth of the leaf pairs is left.
+"""
 
 _TRIMMED = 2.0
-"""How many times as long as others the pieces of a trimmed patch count, so that they are shorter.
-With this the parts of the gearbox are compared in half the time of even parts."""
+"""Factor on the length of the pieces of trimmed patches, which makes them shorter than others. With
+it the parts of the gearbox are compared in half the time of even parts."""
 
 _HALVINGS = 24
-"""Steps in which the length of pieces is found."""
+"""Steps of the bisection for the length of pieces."""
 
 
 def even_parts(nets: Sequence[Net]) -> Parts:
-    """The same for all spans."""
+    """Return the same number of parts for all spans."""
     count = sum(len(u.low) * len(v.low) for u, v in (net.spans for net in nets))
     parts = max(min(math.isqrt(_PIECES // count), _MOST), 1)
     return ((parts, parts),) * len(nets)
 
 
 def parts_of(nets: Sequence[Net]) -> Parts:
-    """Such that the pieces of all are about equally long."""
+    """Return numbers of parts with which all pieces are about equally long."""
     counts = np.array([[len(each.low) for each in net.spans] for net in nets])
     trimmed = np.array([net.trim is not None for net in nets])
     lengths = np.array([_lengths(net) for net in nets]) / counts
@@ -61,7 +62,7 @@ def parts_of(nets: Sequence[Net]) -> Parts:
 
 
 def _lengths(net: Net) -> tuple[float, float]:
-    """The longest rows of a net's control points in u and in v, metres; of a curve 0 in v."""
+    """Return the longest rows of a net's control points in u and v, metres; 0 in v for a curve."""
     along_u, along_v = (
         float(np.linalg.norm(np.diff(net.control, axis=axis), axis=2).sum(axis=axis).max())
         for axis in range(2)

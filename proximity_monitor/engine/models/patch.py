@@ -1,4 +1,4 @@
-"""A NURBS patch as a model, and a curve as one."""
+"""A NURBS patch as a model, and a NURBS curve as a model."""
 
 from __future__ import annotations
 
@@ -21,21 +21,23 @@ class Patch(Surface):
 
     Args:
         control: (n_u, n_v, 3) metres, model frame; the control points.
-        knots_u: those in u do not decrease. Their number less n_u less 1 is the degree in u, 1 to
-            15. The parameter u lies between the knots `degree` and n_u; so the vector need not be
-            clamped, and where a knot is repeated degree + 1 times the patch may tear. None: a
-            Bezier patch of degree n_u - 1, u from 0 to 1.
+        knots_u: (n_u + degree + 1,) the knots in u, which must not decrease. Their number less n_u
+            less 1 is the degree in u, 1 to 15. The parameter u runs from knot number `degree` to
+            knot number n_u, counted from 0. So the vector need not be clamped. If a knot is
+            repeated degree + 1 times, the patch may tear there. None: a Bezier patch of degree
+            n_u - 1, u from 0 to 1.
         knots_v: the same in v.
-        weights: (n_u, n_v) above 0, the smallest at least 1e-50 of the largest; None: all alike.
-        name: what messages call it.
-        deviation: metres; how far the surface may be from that of the thing it stands for.
-        trim: what is left of it, of the patch's own rectangle of parameters; None: all.
+        weights: (n_u, n_v) above 0, the smallest at least 1e-50 of the largest; None: all equal.
+        name: what messages call the patch.
+        deviation: metres; how far the surface may be from that of the part it stands for.
+        trim: which part of the patch's own rectangle of parameters is left; None: all.
 
     Raises:
-        ModelError: another shape, a coordinate that is not finite or beyond 1e45 m, knots that
-            decrease or do not fit the control points, a degree beyond 15, a weight that is not
-            positive; a deviation that is no length; a trim of another rectangle. The message says
-            which, and where.
+        ModelError: an array has a wrong shape; a coordinate is not finite or beyond 1e45 m; knots
+            are not finite, decrease, are repeated too often or do not fit the control points; a
+            degree is not 1 to 15; a weight is not finite, not positive or too small; the deviation
+            is no number from 0 to 1e45 m; the trim is of another rectangle. The message says which,
+            and where.
     """
 
     __slots__ = ()
@@ -59,69 +61,71 @@ class Patch(Surface):
 
     @property
     def control(self) -> NDArray[np.float64]:
-        """(n_u, n_v, 3) metres; read-only. `deform` puts another array in its place."""
+        """(n_u, n_v, 3) metres, model frame; read-only. `deform` replaces the array."""
         return self.nets[0].control
 
     @property
     def weights(self) -> NDArray[np.float64] | None:
-        """(n_u, n_v), times a power of two so that the largest is below 1; None: all alike."""
+        """(n_u, n_v) times a power of two, so that the largest is below 1; None: all equal."""
         return self.nets[0].weights
 
     @property
     def knots_u(self) -> NDArray[np.float64]:
-        """(n,) read-only."""
+        """(n_u + degree + 1,) the knots in u; read-only."""
         return self.nets[0].knots_u
 
     @property
     def knots_v(self) -> NDArray[np.float64]:
-        """(n,) read-only."""
+        """(n_v + degree + 1,) the knots in v; read-only."""
         return self.nets[0].knots_v
 
     @property
     def trim(self) -> Trim | None:
-        """What is left of it; None: all."""
+        """Which part of the patch is left; None: all."""
         return self.nets[0].trim
 
     @property
     def degrees(self) -> tuple[int, int]:
-        """In u and in v."""
+        """The degrees in u and in v."""
         return self.nets[0].degrees
 
     @property
     def domain(self) -> tuple[tuple[float, float], tuple[float, float]]:
-        """From where to where u goes, and v."""
+        """The lowest and the highest u, and the same for v."""
         u, v = self.nets[0].spans
         return (float(u.low[0]), float(u.high[-1])), (float(v.low[0]), float(v.high[-1]))
 
     def evaluate(self, u: ArrayLike, v: ArrayLike) -> NDArray[np.float64]:
-        """The points (..., 3) at parameters, metres, model frame.
+        """Return the points (..., 3) at parameters u and v, metres, model frame.
+
+        u and v may have any shapes that broadcast to (...).
 
         Raises:
-            ValueError: parameters that are no numbers, or outside of `domain`.
+            ValueError: parameters are no numbers, or outside of `domain`.
         """
         return self.derivatives(u, v, 0)[..., 0, 0, :]
 
     def derivatives(self, u: ArrayLike, v: ArrayLike, order: int = 1) -> NDArray[np.float64]:
-        """The partial derivatives (..., order + 1, order + 1, 3) at parameters.
+        """Return the partial derivatives (..., order + 1, order + 1, 3) at parameters u and v.
 
-        [..., i, j, :] is the i-th in u of the j-th in v; it is 0 where i + j > order. Between two
-        knot spans it is that of the second.
+        [..., i, j, :] is the derivative of order i in u and j in v, metres, model frame; it is 0 if
+        i + j > order. At the joint of two knot spans it is that of the second span.
 
         Raises:
-            ValueError: parameters that are no numbers, or outside of `domain`.
+            ValueError: parameters are no numbers, or outside of `domain`.
         """
         u, v = self._parameters(u, v)
         made = self.nets[0].derivatives(u.ravel(), v.ravel(), order)
         return made.reshape(*u.shape, *made.shape[1:])
 
     def normal(self, u: ArrayLike, v: ArrayLike) -> NDArray[np.float64]:
-        """The unit normals (..., 3) at parameters, along the u derivative times that of v.
+        """Return the unit normals (..., 3) at parameters u and v, model frame.
 
-        Where this product vanishes, as at a pole, that of a point nearby; 0 if it vanishes there
-        as well.
+        They point along the cross product of the u derivative and the v derivative. If this
+        vanishes, as at a pole, the normal of a point nearby is returned; 0 if that vanishes too.
 
         Raises:
-            ValueError: parameters that are no numbers, or outside of `domain`.
+            ValueError: parameters are no numbers, or outside of `domain`.
         """
         u, v = self._parameters(u, v)
         return unit_normals(self.nets[0], u.ravel(), v.ravel()).reshape(*u.shape, 3)
@@ -131,11 +135,11 @@ class Curve(Surface):
     """A NURBS curve, rational or not; without knots a Bezier curve.
 
     Args:
-        control: (n, 3) metres, model frame; or (n, 2) in the plane z = 0. The control points.
-        knots: as those of a `Patch` in u.
-        weights: (n,) as those of a `Patch`.
-        name: what messages call it.
-        deviation: metres; how far the curve may be from that of the thing it stands for.
+        control: (n, 3) metres, model frame, or (n, 2) in the plane z = 0; the control points.
+        knots: (n + degree + 1,) like those of a `Patch` in u.
+        weights: (n,) like those of a `Patch`.
+        name: what messages call the curve.
+        deviation: metres; how far the curve may be from that of the part it stands for.
 
     Raises:
         ModelError: as for `Patch`.
@@ -156,44 +160,46 @@ class Curve(Surface):
 
     @property
     def control(self) -> NDArray[np.float64]:
-        """(n, 3) metres; read-only. `deform` puts another array in its place."""
+        """(n, 3) metres, model frame; read-only. `deform` replaces the array."""
         return self.nets[0].points
 
     @property
     def weights(self) -> NDArray[np.float64] | None:
-        """(n,), times a power of two so that the largest is below 1; None: all alike."""
+        """(n,) times a power of two, so that the largest is below 1; None: all equal."""
         weights = self.nets[0].weights
         return None if weights is None else weights[:, 0]
 
     @property
     def knots(self) -> NDArray[np.float64]:
-        """(n,) read-only."""
+        """(n + degree + 1,) the knots; read-only."""
         return self.nets[0].knots_u
 
     @property
     def degree(self) -> int:
-        """Of its polynomials, or of those that it is the quotient of."""
+        """The degree of the polynomials, in a rational curve of numerator and denominator."""
         return self.nets[0].degrees[0]
 
     @property
     def domain(self) -> tuple[float, float]:
-        """From where to where its parameter goes."""
+        """The lowest and the highest parameter."""
         along, _ = self.nets[0].spans
         return float(along.low[0]), float(along.high[-1])
 
     def evaluate(self, t: ArrayLike) -> NDArray[np.float64]:
-        """The points (..., 3) at parameters, metres, model frame.
+        """Return the points (..., 3) at parameters t (...), metres, model frame.
 
         Raises:
-            ValueError: parameters that are no numbers, or outside of `domain`.
+            ValueError: parameters are no numbers, or outside of `domain`.
         """
         return self.derivatives(t, 0)[..., 0, :]
 
     def derivatives(self, t: ArrayLike, order: int = 1) -> NDArray[np.float64]:
-        """The derivatives (..., order + 1, 3) at parameters, from the 0th on.
+        """Return the derivatives (..., order + 1, 3) at parameters t (...), from the 0th on.
+
+        They are in metres, model frame. At the joint of two knot spans the second span counts.
 
         Raises:
-            ValueError: parameters that are no numbers, or outside of `domain`.
+            ValueError: parameters are no numbers, or outside of `domain`.
         """
         (t,) = self._parameters(t)
         made = self.nets[0].derivatives(t.ravel(), np.zeros(t.size), order)[:, :, 0]

@@ -1,7 +1,7 @@
-"""The profile of a solid of revolution: what its curves have to be.
+"""The profile of a solid of revolution, and the checks of its curves.
 
-They lie in the half-plane (rho, z), rho >= 0, and run one after the other: from the axis to the
-axis, or around in a loop.
+The curves lie in the half-plane (rho, z), rho >= 0. Each begins where the one before it ends. They
+run from the axis to the axis, or around in a loop.
 """
 
 from __future__ import annotations
@@ -26,39 +26,41 @@ from .orientation import balanced, runs_leftward
 Reals = NDArray[np.float64]
 
 JOINED = 1e-12
-"""How far apart two ends may be that coincide, and an end from the axis that it lies on, as a share
-of the profile's size."""
+"""How far apart two coincident ends may be, and how far from the axis an end that lies on it, as a
+share of the profile's size."""
 
 _AREA_ROUNDING = 64.0 * DOUBLE_EPS
-"""A point errs by some units of the profile's size, which counts in an area times how far apart its
-neighbours are: all around that is about twice what the profile is wide and high."""
+"""Rounding allowance of an area, as a share of the profile's size times its width plus height.
+
+A point errs by some units of the size. Its share in the area's error is that times the distance of
+its two neighbours. These distances sum to about twice the width plus height."""
 
 
 class Profile(NamedTuple):
-    """A checked profile; `nets` are its curves, with (rho, z, 0) as control points."""
+    """A checked profile; `nets` are its curves, with control points (rho, z, 0) in metres."""
 
     nets: tuple[Net, ...]
     closed: bool
-    """Whether it is a loop, which does not touch the axis where it begins."""
+    """Whether the profile is a loop, which starts off the axis."""
     size: float
     """Metres: the largest coordinate of a control point."""
     leftward: bool
     """Whether the solid is on the left of the curves, with rho to the right and z upward."""
     pieces: tuple[Reals, ...]
-    """Of each curve its Bezier pieces (s, degree + 1, 3): rho w, z w and w of control points."""
+    """The Bezier pieces (s, degree + 1, 3) of each curve: rho w, z w and w of control points."""
 
 
 def profile_of(nets: Sequence[Net], name: str) -> Profile:
-    """The profile that curves make up, without what of them lies along the axis.
+    """Return the checked profile that curves form without their parts along the axis.
 
     Raises:
-        ModelError: as `checked_profile`.
+        ModelError: as for `checked_profile`.
     """
     pieces = _pieces_of(nets)
     near = JOINED * _size_of(nets)
     if not any(lies_along(own, near).any() for own in pieces):
         return checked_profile(nets, name)
-    # What is left out has to fit in, too.
+    # The parts that are left out must fit in, too.
     _check_curves(nets, pieces, near, range(len(nets)), name)
     numbers, kept = zip(*off_axis(nets, pieces, near), strict=True)
     return checked_profile(kept, name, numbers)
@@ -67,17 +69,17 @@ def profile_of(nets: Sequence[Net], name: str) -> Profile:
 def checked_profile(
     nets: Sequence[Net], name: str, numbers: Sequence[int] | None = None
 ) -> Profile:
-    """The profile that curves make up, all of them.
+    """Return the checked profile that all of the curves form.
 
     Args:
         nets: the curves.
-        name: of the model.
-        numbers: what messages call each curve; None: their places in the list.
+        name: what messages call the model.
+        numbers: the number by which messages call each curve; None: its place in the list.
 
     Raises:
-        ModelError: a curve is out of the plane, crosses the axis or lies along it; curves that do
-            not follow each other; open ends off the axis; a profile that crosses itself, or holds
-            no area.
+        ModelError: a curve is out of the plane, is torn, crosses the axis or runs along it; a curve
+            does not begin where the one before it ends; an open end is off the axis; the profile
+            crosses itself or holds no area; it cannot be told on which side the solid is.
     """
     numbers = range(len(nets)) if numbers is None else numbers
     size, pieces = _size_of(nets), _pieces_of(nets)
@@ -99,12 +101,12 @@ def checked_profile(
 
 
 def _size_of(nets: Sequence[Net]) -> float:
-    """Metres: the largest coordinate of a control point."""
+    """Return the largest coordinate of a control point, metres."""
     return max(float(np.abs(net.points).max()) for net in nets)
 
 
 def _pieces_of(nets: Sequence[Net]) -> tuple[Reals, ...]:
-    """Of each curve its Bezier pieces (s, degree + 1, 3): see `Profile`."""
+    """Return the Bezier pieces (s, degree + 1, 3) of each curve: see `Profile`."""
     return tuple(frozen(net.pieces()[:, 0, :, 0][..., [0, 1, 3]]) for net in nets)
 
 
@@ -112,14 +114,14 @@ class _Pieces(NamedTuple):
     """The Bezier pieces of all curves of a profile, one after the other, as kernels take them."""
 
     nets: Reals
-    """(n, 16, 3) rho w, z w and w of control points; what is beyond a degree means nothing."""
+    """(n, 16, 3) rho w, z w and w of control points; rows beyond degree + 1 are unused."""
     degrees: NDArray[np.int64]
     curves: NDArray[np.int64]
-    """(n,) of which curve each is one."""
+    """(n,) the curve of each piece."""
 
 
 def _together(pieces: Sequence[Reals]) -> _Pieces:
-    """All pieces, of those of each curve."""
+    """Join the pieces of all curves into one array."""
     counts = [len(own) for own in pieces]
     padded = np.ones((sum(counts), HIGHEST_DEGREE + 1, 3))
     for own, end in zip(pieces, np.cumsum(counts).tolist(), strict=True):
@@ -131,7 +133,7 @@ def _together(pieces: Sequence[Reals]) -> _Pieces:
 def _check_curves(
     nets: Sequence[Net], pieces: Sequence[Reals], near: float, numbers: Sequence[int], name: str
 ) -> _Pieces:
-    """All pieces of curves that stay in the half-plane and follow each other; refuse others."""
+    """Return all pieces; refuse curves that leave the half-plane or do not join end to begin."""
     for k, net in zip(numbers, nets, strict=True):
         if net.control[..., 2].any():
             raise ModelError(f"{name}: curves[{k}]: not in the plane; give (rho, z) or (rho, z, 0)")
@@ -144,7 +146,7 @@ def _check_curves(
 def _check_axis(
     nets: Sequence[Net], all_of: _Pieces, near: float, numbers: Sequence[int], name: str
 ) -> None:
-    """Refuse curves of which a point is beyond the axis, by more than what is `near`."""
+    """Refuse curves with a point beyond the axis by more than `near` metres."""
     if all((net.points[:, 0] >= -near).all() for net in nets):
         return
     i, share, rho = farthest_beyond(all_of.nets, all_of.degrees, near)
@@ -162,7 +164,7 @@ def _check_axis(
 def _check_along_axis(
     nets: Sequence[Net], pieces: Sequence[Reals], near: float, numbers: Sequence[int], name: str
 ) -> None:
-    """Refuse pieces along the axis: a boundary there would be inside the solid."""
+    """Refuse pieces that run along the axis, because a boundary there would be inside the solid."""
     for k, own in enumerate(pieces):
         along = lies_along(own, near) & (np.ptp(own[..., 1] / own[..., 2], axis=1) > near)
         if along.any():
@@ -178,9 +180,9 @@ def _check_along_axis(
 def _check_ends(
     nets: Sequence[Net], pieces: Sequence[Reals], near: float, numbers: Sequence[int], name: str
 ) -> None:
-    """Refuse curves that are torn, or do not begin where the one before ends."""
+    """Refuse curves that are torn, or do not begin where the one before them ends."""
     for k, own in enumerate(pieces):
-        # Where a knot is repeated often enough, a curve may be torn.
+        # A curve may be torn at a knot that is repeated degree + 1 times.
         begins, ends = (own[1:, 0, :2] / own[1:, 0, 2:], own[:-1, -1, :2] / own[:-1, -1, 2:])
         gaps = np.linalg.norm(begins - ends, axis=1)
         if gaps.max(initial=0.0) > near:
@@ -203,12 +205,12 @@ def _check_ends(
 
 
 def _ends_of(pieces: Sequence[Reals]) -> list[tuple[Reals, Reals]]:
-    """Where each curve begins and ends, rho and z."""
+    """Return the start and the end of each curve, rho and z."""
     return [(own[0, 0, :2] / own[0, 0, 2], own[-1, -1, :2] / own[-1, -1, 2]) for own in pieces]
 
 
 def _is_loop(pieces: Sequence[Reals], near: float, name: str) -> bool:
-    """Whether the curves are a loop; else they begin and end on the axis."""
+    """Tell whether the curves are a loop, or run from axis to axis; refuse other open ends."""
     ends = _ends_of(pieces)
     first, last = ends[0][0], ends[-1][1]
     if first[0] <= near and last[0] <= near:
@@ -225,14 +227,14 @@ def _is_loop(pieces: Sequence[Reals], near: float, name: str) -> bool:
 
 
 def _points(pieces: Reals, count: int) -> Reals:
-    """Points (s, count, 2) of pieces (s, degree + 1, 3), at equal steps of the parameter."""
+    """Return points (s, count, 2) of pieces (s, degree + 1, 3) at equal steps of the parameter."""
     found = _shares(pieces.shape[1] - 1, count) @ pieces
     return found[..., :2] / found[..., 2:]
 
 
 @lru_cache(maxsize=64)
 def _shares(degree: int, count: int) -> Reals:
-    """What each control point counts (count, degree + 1) at equal steps from 0 to 1."""
+    """Return the Bernstein polynomials (count, degree + 1) at equal steps from 0 to 1."""
     s = np.linspace(0.0, 1.0, count)
     return frozen(bernstein(degree, s, 1.0 - s))
 
@@ -249,10 +251,11 @@ def _check_simple(all_of: _Pieces, size: float, numbers: Sequence[int], name: st
 
 
 def _area(pieces: Reals, first: Reals, closed: bool) -> float:
-    """About the area to the left of a curve's pieces, square metres, by triangles from one place.
+    """Estimate the area to the left of a curve's pieces, m², from triangles with a common corner.
 
-    That is where a loop begins; of any other profile beside this on the axis, along which it is
-    closed. So a ring as thin as a hair is not lost in rounding.
+    For a loop this corner is its start, so that the area of a very thin ring is not lost in
+    rounding. Any other profile is closed along the axis; its corner is the point of the axis at the
+    height of its start.
     """
     place = first[:2] / first[2] * [float(closed), 1.0]
     rho, z = np.moveaxis(_points(pieces, 9) - place, 2, 0)
@@ -262,15 +265,15 @@ def _area(pieces: Reals, first: Reals, closed: bool) -> float:
 _RIM = np.array([[1, 0], [1, 1], [0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1], [1, -1], [1, 0]])
 _RIM_WEIGHTS = np.array([1.0, math.sqrt(0.5)] * 4 + [1.0])
 QUARTERS = np.repeat(np.arange(5.0), [3, 2, 2, 2, 3])
-"""The knots around the axis: from one to the next a quarter turn, as a rational quadratic."""
+"""The knots around the axis; each span is a quarter turn, a rational quadratic."""
 
 
 def revolved(net: Net, frame: Reals) -> Net:
-    """The patch of a curve (rho, z, 0) that is revolved about the axis z of a frame (4, 4).
+    """Revolve a curve (rho, z, 0) about the z axis of a frame (4, 4); return the patch.
 
-    u is the curve's parameter, v runs around: see QUARTERS. Piegl and Tiller, The NURBS Book, 1997,
-    section 8.5. The weight of the corners of a quarter is sqrt(1/2) to half a unit in the last
-    place, which moves no point by more than 1e-16 rho.
+    u is the curve's parameter, v runs around the axis: see QUARTERS. Piegl and Tiller, The NURBS
+    Book, 1997, section 8.5. The weight of a quarter's middle control point is sqrt(1/2) to half a
+    unit in the last place. This error moves no point by more than 1e-16 rho.
     """
     rho, z = net.points[:, 0], net.points[:, 1]
     x, y, axis, origin = frame[:3, :3].T[0], frame[:3, 1], frame[:3, 2], frame[:3, 3]

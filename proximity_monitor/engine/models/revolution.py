@@ -24,31 +24,34 @@ from .revolution_hierarchy import RevolutionHierarchy
 from .surface import Surface
 
 _ROUNDING = 16.0 * DOUBLE_EPS
-"""Share of the largest coordinate by which a patch may be off the profile that is revolved: a
-control point is a sum of three products, each of which errs by some units, and see `revolved`."""
+"""How far a patch may be from the revolved profile, as a share of the largest coordinate. A control
+point is a sum of three products, each of which errs by some units; for the weights see `revolved`.
+"""
 
 
 class SolidOfRevolution(Surface):
     """A solid whose boundary is a profile that turns about an axis.
 
-    Its boundary is, besides, that of exact rational patches, one a curve of the profile. By these
-    it is asked against models of other kinds.
+    The boundary is also stored as exact rational patches, one for each curve of the profile.
+    Queries against models of other kinds use these.
 
     Args:
-        curves: of the profile, each a `Curve` with control points (n, 2), rho and z in metres: the
-            distance from the axis and the height along it. Each begins where the one before it
-            ends. They run from the axis to the axis, or around in a loop off it; they may have
-            corners, and may touch the axis, but not cross it or themselves. Whole curves along the
-            axis, as they close a loop, are left out, for they bound nothing; curves and control
-            points are then counted from where the axis is left.
-        origin: (3,) metres, model frame: where on the axis z is 0.
-        axis: (3,) along which z grows; of any length.
-        name: what messages call it.
-        deviation: metres; how far the boundary may be from that of the thing it stands for.
+        curves: the curves of the profile. Each is a `Curve` with control points (n, 2), rho and z
+            in metres: the distance from the axis and the height along it. Each begins where the one
+            before it ends. They run from the axis to the axis, or around in a loop off it. They may
+            have corners and may touch the axis, but must not cross it or themselves. Parts along
+            the axis, from corner to corner, bound nothing and are left out, as where they close a
+            loop. Curves and control points are then counted from where the profile leaves the axis.
+        origin: (3,) metres, model frame: the point of the axis where z is 0.
+        axis: (3,) model frame: the direction in which z grows; of any length but 0.
+        name: what messages call the model.
+        deviation: metres; how far the boundary may be from that of the part it stands for. If a
+            curve has a larger one, that counts.
 
     Raises:
-        ModelError: no curves, or what is none; open ends; a profile that crosses the axis or
-            itself, or holds no area; an axis of no length. The message says which, and where.
+        ModelError: there are no curves, or one is no `Curve`; the profile is torn, has open ends
+            off the axis, crosses the axis or itself, or holds no area; the axis has no length; the
+            deviation is no number from 0 to 1e45 m. The message says which, and where.
     """
 
     __slots__ = ("_frame", "profile")
@@ -57,7 +60,7 @@ class SolidOfRevolution(Surface):
     _hierarchy_kind = RevolutionHierarchy
 
     profile: Profile
-    """Its curves; `deform` puts others in their place."""
+    """The checked curves; `deform` replaces them."""
 
     def __init__(
         self,
@@ -86,10 +89,11 @@ class SolidOfRevolution(Surface):
         super().__init__(nets, name, deviation + _ROUNDING * size, solid=True)
 
     def _checked(self, nets: Sequence[Net]) -> Joints:
-        """How the patches close up: they do, for the profile does; see `checked_profile`.
+        """Return the gap with which the patches close up, as the profile does: `checked_profile`.
 
-        Rings where two curves meet have the same weights but for a factor, so they are no farther
-        apart than their control points. On the axis a ring is a point as far as it is narrow.
+        The two rings where curves meet have the same weights up to a factor, so the distance of
+        their control points bounds that of the rings. A ring on the axis counts as a point; its
+        width is its gap.
         """
         ends = [(net.control[0], net.control[-1]) for net in nets]
         gaps = [before[1] - after[0] for before, after in pairwise(ends)]
@@ -104,7 +108,7 @@ class SolidOfRevolution(Surface):
 
     @property
     def _hierarchy(self) -> RevolutionHierarchy:
-        # At once where it is made: a short question asks for it several times.
+        # Return at once if it exists: a short question needs it several times.
         if not isinstance(self._made, RevolutionHierarchy):
             patches = super()._hierarchy
             self._made = RevolutionHierarchy.around(patches, self.profile, self._frame)
@@ -112,27 +116,29 @@ class SolidOfRevolution(Surface):
 
     @property
     def origin(self) -> NDArray[np.float64]:
-        """(3,) metres, model frame: where on the axis z is 0."""
+        """(3,) metres, model frame: the point of the axis where z is 0."""
         return self._frame[:3, 3]
 
     @property
     def axis(self) -> NDArray[np.float64]:
-        """(3,) the unit vector along which z grows."""
+        """(3,) model frame: the unit vector along which z grows."""
         return self._frame[:3, 2]
 
     @property
     def control_points(self) -> NDArray[np.float64]:
-        """The profile's control points (n, 3), metres, model frame, where theta is 0; read-only."""
+        """The profile's control points (n, 3) at theta = 0, metres, model frame; read-only."""
         points = np.concatenate([net.points for net in self.profile.nets])
         rho, z = points[:, :1], points[:, 1:2]
         return frozen(self.origin + rho * self._frame[:3, 0] + z * self.axis)
 
     def deform(self, points: ArrayLike) -> float:
-        """Move the profile's control points; weights and knots stay. See `Model.deform`.
+        """Move the profile's control points; weights and knots stay.
+
+        For the result and the errors see `Model.deform`; the profile is checked as a new one is.
 
         Args:
-            points: (n, 3) metres, model frame, in the half-plane where theta is 0, as
-                `control_points` has them; or (n, 2), rho and z.
+            points: (n, 3) metres, model frame, in the half-plane theta = 0, like `control_points`;
+                or (n, 2) rho and z, metres.
         """
         given = as_reals(points, f"{self.name}: control_points", error=ModelError)
         if given.ndim == 2 and given.shape[1] == 3:
@@ -153,10 +159,10 @@ class SolidOfRevolution(Surface):
         return largest_norm(moved - before)
 
     def _in_plane(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The coordinates rho and z (n, 2) of points (n, 3) in the half-plane where theta is 0."""
+        """Return rho and z (n, 2) of points (n, 3) in the half-plane theta = 0; refuse others."""
         placed = (points - self.origin) @ self._frame[:3, :3]
         off = np.abs(placed[:, 1])
-        # Far from the model's origin, coordinates have no finer places; what is on the axis stays.
+        # Far from the model's origin coordinates are this coarse. Points on the axis stay there.
         rounding = _ROUNDING * max(np.abs(points).max(initial=0.0), np.abs(self.origin).max())
         placed[np.abs(placed[:, 0]) <= rounding, 0] = 0.0
         if off.size and not off.max() <= 1e-9 * np.abs(placed).max() + rounding:
@@ -169,11 +175,11 @@ class SolidOfRevolution(Surface):
 
     @staticmethod
     def feature(element: int, parameters: NDArray[np.float64]) -> Feature:
-        """The curve of the profile, and on it t and theta (2,), radians from 0 to 2 pi."""
+        """Return the curve of the profile, and (2,) its parameter t and theta, 0 to 2 pi rad."""
         return Feature("profile", element, np.array([parameters[0], angle(parameters[1])]))
 
     def display_mesh(self, tolerance: float) -> DisplayMesh:
-        """As of any surface, with normals that point outward."""
+        """Return a tessellation as of any surface, with normals that point outward."""
         made = super().display_mesh(tolerance)
         if not self.profile.leftward:
             return made
@@ -181,7 +187,7 @@ class SolidOfRevolution(Surface):
         return made._replace(faces=faces, normals=-made.normals)
 
     def describe(self, length: Callable[[float], str]) -> str:
-        """Its curves and control points, and how far these are from the axis."""
+        """Return the numbers of curves and control points, and the largest rho, as text."""
         nets = self.profile.nets
         count = sum(len(net.points) for net in nets)
         curves = "1 curve" if len(nets) == 1 else f"{len(nets)} curves"
@@ -189,20 +195,20 @@ class SolidOfRevolution(Surface):
         return f"a profile of {curves}, {count} control points up to {length(rho)} from the axis"
 
     def __getstate__(self) -> dict[str, Any]:
-        """All but addresses, and for which kernels the hierarchy was built."""
+        """Return all but addresses, with the version of the kernels that built the hierarchy."""
         return super().__getstate__() | {"profile": tuple(self.profile), "frame": self._frame}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Take what pickle thawed; see `Surface`."""
+        """Restore the solid from a pickle; see `Surface`."""
         super().__setstate__(state)
         self.profile, self._frame = Profile(*state["profile"]), frozen(state["frame"])
 
 
 def angle(v: ArrayLike) -> NDArray[np.float64]:
-    """The angles about the axis, radians, at a patch's second parameter; see `QUARTERS`.
+    """Return the angles about the axis, radians, at a patch's second parameter; see `QUARTERS`.
 
-    On a quarter turn, a rational quadratic with the weights 1, w and 1, the point at s is
-    ((1 - s)^2 + 2 w s (1 - s), s^2 + 2 w s (1 - s)) / (1 - s)^2 + ... .
+    A quarter turn is a rational quadratic of weights 1, w = sqrt(1/2) and 1. Its point at s is
+    ((1 - s)^2 + 2 w s (1 - s), s^2 + 2 w s (1 - s)) / ((1 - s)^2 + 2 w s (1 - s) + s^2).
     """
     turn = np.clip(np.floor(v), 0.0, QUARTERS[-1] - 1.0)
     s = v - turn
@@ -211,7 +217,11 @@ def angle(v: ArrayLike) -> NDArray[np.float64]:
 
 
 def _frame(origin: ArrayLike, axis: ArrayLike, name: str) -> NDArray[np.float64]:
-    """The frame (4, 4) whose z is the axis; its x is as near as may be to the model's x, or y."""
+    """Return the frame (4, 4) whose z is the axis; x is the model's x (or y), made perpendicular.
+
+    It is the model's y if the axis is nearly along x. Raises ModelError: a vector is not finite or
+    beyond 1e45 m, or the axis has no length.
+    """
     made = np.eye(4)
     for what, given in (("origin", origin), ("axis", axis)):
         array = as_reals(given, f"{name}: {what}", error=ModelError)
@@ -221,7 +231,7 @@ def _frame(origin: ArrayLike, axis: ArrayLike, name: str) -> NDArray[np.float64]
     largest = float(np.abs(made[:3, 2]).max())
     if not largest > 0.0:
         raise ModelError(f"{name}: axis = {axis!r}: has no length")
-    # Without its power of two, for squares of what is tiny or huge are lost.
+    # Scale by a power of two first, because squares of tiny or huge numbers are lost.
     z = np.ldexp(made[:3, 2], -math.frexp(largest)[1])
     z /= np.linalg.norm(z)
     x = np.eye(3)[0 if abs(z[0]) < 0.9 else 1]

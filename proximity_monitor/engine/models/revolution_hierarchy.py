@@ -1,4 +1,7 @@
-"""The hierarchy of a solid of revolution: fat arcs around its profile, beside its patches'."""
+"""The hierarchy of a solid of revolution: that of its patches, and fat arcs around its profile.
+
+A fat arc is an arc of a circle in the half-plane (rho, z), with how far the profile is from it.
+"""
 
 from __future__ import annotations
 
@@ -22,51 +25,55 @@ if TYPE_CHECKING:
     from .profile import Profile
 
 PRECISION = 1e-5
-"""Share of a profile's largest coordinate down to which arcs are as thin as that. A search makes
-those that are thinner where it needs them."""
+"""The error of the stored arcs, as a share of the profile's largest coordinate. Searches make
+thinner arcs when they need them."""
 
 _BEYOND = 1e13
-"""Bounds take it that no point is beyond the axis, and `checked_profile` allows for rounding there.
-So much longer is the length of which arcs err by a share of 2.3e-13, for each metre beyond."""
+"""Bounds assume that no point is beyond the axis, but `checked_profile` allows points there within
+rounding. Arcs err by a share of 2.3e-13 of a length, to which each metre beyond adds so many."""
 
 
 _STRAIGHT = 1e-9
-"""Share of a profile's size, or its square, that counts for nothing where it turns."""
+"""Steps shorter than this share of a profile's size, and turns less than this share of its square,
+do not count."""
 
 _HALVINGS = 24
-"""Until control points are as near to a curve as rounding would have them."""
+"""After so many halvings control points are as near to a curve as rounding allows."""
 
 
 _OWN = "arcs", "curves", "places", "frame", "samples", "reaches"
-"""What it keeps of the profile, as RevolutionTree has it."""
+"""The attributes that describe the profile, as in RevolutionTree."""
 
 
 class RevolutionHierarchy(SurfaceHierarchy):
-    """Volumes around the pieces of the patches, and fat arcs around those of the profile."""
+    """Volumes around the pieces of the patches, and fat arcs around the pieces of the profile."""
 
     KEPT = (*SurfaceHierarchy.KEPT, *_OWN)
 
     __slots__ = _OWN
 
     parts_of = staticmethod(even_parts)
-    """As kernels count the parts of patches by those of the profile."""
+    """Equal for all spans, because kernels find the parts of patches from those of the profile."""
 
     arcs: NDArray
     """(k,) ARC."""
     curves: NDArray
     """(c,) CURVE_PIECE."""
     places: NDArray[np.int32]
-    """Which piece in tree order is which part of a patch."""
+    """For each part of a patch, its piece in tree order: see CURVE_PIECE."""
     frame: NDArray[np.float64]
     """(6, 3) the frame's axes and origin, and more: see RevolutionTree."""
     samples: NDArray[np.float64]
-    """(m, 3) points of the profile, with which a search begins."""
+    """(m, 3) points of the profile from which searches begin."""
     reaches: NDArray[np.float64]
-    """(p, q) metres; what the largest parts of the profile reach along vectors."""
+    """(p, q) metres; how far the largest parts of the profile reach along q vectors."""
 
     @classmethod
     def around(cls, patches: SurfaceHierarchy, profile: Profile, frame: NDArray) -> Self:
-        """The hierarchy of patches that a profile sweeps, turning about the z of a frame (4, 4)."""
+        """Build the hierarchy from that of the patches and the profile, which turns about frame z.
+
+        The frame (4, 4) is that of the profile in the model frame, metres.
+        """
         curves, places = _curves(patches, profile)
         rows = np.zeros((6, 3))
         extent = profile.size + _BEYOND * max(_beyond(pieces) for pieces in profile.pieces)
@@ -83,7 +90,7 @@ class RevolutionHierarchy(SurfaceHierarchy):
 
     @property
     def tree_kind(self) -> type:
-        """That of solids of revolution: against others it is taken for its patches."""
+        """The type for solids of revolution; against other kinds the patches are used instead."""
         return RevolutionTree
 
     def _table(self, tree: SurfaceTree) -> NDArray[np.int64]:
@@ -96,9 +103,9 @@ class RevolutionHierarchy(SurfaceHierarchy):
 
 
 def _is_convex(profile: Profile) -> bool:
-    """Whether a solid is convex, as its control points tell: they turn to one side alone.
+    """Tell whether a solid is convex because its control points turn to one side only.
 
-    A solid that is and is not found so is searched as any other: nothing but time depends on it.
+    A convex solid that is not recognised costs only time: it is searched like any other.
     """
     points = np.concatenate([rows[:, :2] / rows[:, 2:] for own in profile.pieces for rows in own])
     steps = np.diff(points, axis=0)
@@ -110,10 +117,11 @@ def _is_convex(profile: Profile) -> bool:
 
 
 def _beyond(pieces: NDArray[np.float64]) -> float:
-    """How far the pieces (s, degree + 1, 3) of a curve may be beyond the axis at most, metres.
+    """Return how far the pieces (s, degree + 1, 3) of a curve are beyond the axis at most, metres.
 
-    They are no farther than their control points. Where these are beyond it, pieces are halved.
-    Each time the mean of neighbours is taken degree times, which errs by a unit of the largest.
+    A piece is no farther beyond it than its control points. If control points are beyond it, the
+    piece is halved. A halving takes the mean of neighbours degree times, each of which errs by a
+    unit of the largest coordinate.
     """
     count = pieces.shape[1]
     left = pieces[(pieces[..., 0] < 0.0).any(axis=1)][..., [0, 2]]
@@ -134,7 +142,7 @@ def _beyond(pieces: NDArray[np.float64]) -> float:
 
 
 def _curves(patches: SurfaceHierarchy, profile: Profile) -> tuple[NDArray, NDArray[np.int32]]:
-    """The pieces of a profile, and which piece of the patches, in tree order, is which part."""
+    """Return the pieces (c,) of a profile, CURVE_PIECE, and `RevolutionHierarchy.places`."""
     parts = patches.parts[0][0]
     made = []
     first = 0

@@ -1,8 +1,9 @@
-"""Models from dimensions and arrays: the shapes that a scene names, and what is made of them.
+"""Make models from dimensions and arrays: the shapes of scenes, and compounds of them.
 
-Whoever calls these knows a `Model` and not its kind, so a better kind for a shape is taken here
-alone. Balls and capsules are a point and a segment that a ball sweeps, which is exact, and two to
-five times as fast as the same solid of revolution.
+All lengths are metres, in the model frame. The functions return a `Model` without promising its
+kind, so a better kind for a shape can be chosen here alone. Spheres and capsules are a point and a
+segment swept by a ball. This is exact, and two to five times as fast as the same solid of
+revolution.
 """
 
 from __future__ import annotations
@@ -51,23 +52,34 @@ def triangles(
     name: str = "mesh",
     **how: Unpack[How],
 ) -> Model:
-    """Triangles (m, 3), by the indices of vertices (n, 3) in metres; see `TriangleMesh`."""
+    """Make a mesh of triangles, perhaps swept by a ball; see `TriangleMesh`.
+
+    Args:
+        vertices: (n, 3) metres, model frame.
+        faces: (m, 3) indices of vertices.
+        radius: metres; radius of the ball that sweeps the triangles.
+        name: what messages call the model.
+        how: see `How`.
+
+    Raises:
+        ModelError: as for `TriangleMesh`.
+    """
     return TriangleMesh(vertices, faces, radius=radius, name=name, **how)
 
 
 def points(
     coordinates: ArrayLike, *, radius: float = 0.0, name: str = "points", **how: Unpack[How]
 ) -> Model:
-    """Points, or with a radius spheres, as a model: each is a degenerate triangle.
+    """Make a model of points or, with a radius, of spheres. Each is a degenerate triangle.
 
     Args:
         coordinates: (n, 3) metres, model frame; n >= 1.
-        radius: metres; of the spheres around them.
-        name: what messages call it.
+        radius: metres; radius of the spheres around the points.
+        name: what messages call the model.
         how: see `How`.
 
     Raises:
-        ModelError: as for TriangleMesh.
+        ModelError: as for `TriangleMesh`.
     """
     array = checked_vertices(coordinates, name)
     index = np.arange(len(array), dtype=np.int32)
@@ -79,16 +91,16 @@ def points(
 def polyline(
     coordinates: ArrayLike, *, radius: float = 0.0, name: str = "polyline", **how: Unpack[How]
 ) -> Model:
-    """A polyline, or with a radius a chain of capsules, as a model of degenerate triangles.
+    """Make a polyline or, with a radius, a chain of capsules, of degenerate triangles.
 
     Args:
-        coordinates: (n, 3) metres, model frame; n >= 2; repeat the first point to close it.
-        radius: metres; of the capsules.
-        name: what messages call it.
+        coordinates: (n, 3) metres, model frame; n >= 2. Repeat the first point to close it.
+        radius: metres; radius of the capsules.
+        name: what messages call the model.
         how: see `How`.
 
     Raises:
-        ModelError: fewer than two points; else as for TriangleMesh.
+        ModelError: there are fewer than two points; else as for `TriangleMesh`.
     """
     array = checked_vertices(coordinates, name)
     if len(array) < 2:
@@ -99,7 +111,16 @@ def polyline(
 
 
 def box(size: Sequence[float], *, name: str = "box", **how: Unpack[How]) -> Model:
-    """An axis-aligned box around the origin; `size` (x, y, z) in metres."""
+    """Make an axis-aligned box centred on the origin.
+
+    Args:
+        size: (3,) metres; the lengths along x, y and z.
+        name: what messages call the model.
+        how: see `How`.
+
+    Raises:
+        ModelError: `size` is not three numbers from 0 to 1e45; else as for `TriangleMesh`.
+    """
     given = as_reals(size, f"{name}: size", error=ModelError)
     if given.shape != (3,) or not ((given >= 0.0) & (given <= LARGEST_COORDINATE)).all():
         raise ModelError(f"{name}: size = {size!r}: must be three numbers of metres, none below 0")
@@ -119,16 +140,22 @@ def cylinder(
     name: str = "cylinder",
     **how: Unpack[How],
 ) -> Model:
-    """A cylinder about z, centred on the origin; metres.
+    """Make a cylinder about z, centred on the origin.
 
     Args:
         radius: metres.
         height: metres.
-        segments: the sides of a prism that stands for it, which deviates by
-            ``radius * tan(pi / segments / 2) ** 2``: its sides are as far inside the cylinder as
-            its edges are outside. None: it is exact.
-        name: what messages call it.
-        how: see `How`; an exact one has no other volumes, and is no solid='robust'.
+        segments: the number of sides of a prism in its place, at least 3. The prism's sides are as
+            far inside the cylinder as its edges are outside, so that it deviates by
+            ``radius * tan(pi / segments / 2) ** 2``. None: the cylinder is exact.
+        name: what messages call the model.
+        how: see `How`; an exact one takes no `volume` and no solid='robust'.
+
+    Raises:
+        ModelError: a length is no number from 0 to 1e45; `segments` is less than 3; else as for
+            `SolidOfRevolution` if it is exact, or for `TriangleMesh`.
+        TypeError: `segments` is no whole number.
+        ValueError: `segments` is less than 1.
     """
     if segments is None:
         return cone(radius, radius, height, name=name, **how)
@@ -157,13 +184,19 @@ def cylinder(
 def sphere(
     radius: float, subdivisions: int | None = None, *, name: str = "sphere", **how: Unpack[How]
 ) -> Model:
-    """A sphere around the origin; metres.
+    """Make a sphere centred on the origin.
 
     Args:
         radius: metres.
-        subdivisions: how often an icosahedron is subdivided that stands for it; None: it is exact.
-        name: what messages call it.
+        subdivisions: how often an icosahedron in its place is subdivided, from 0 on. None: the
+            sphere is exact.
+        name: what messages call the model.
         how: see `How`.
+
+    Raises:
+        ModelError: as for `TriangleMesh`.
+        TypeError: `subdivisions` is no whole number.
+        ValueError: `subdivisions` is negative.
     """
     if subdivisions is None:
         return points(np.zeros((1, 3)), radius=radius, name=name, **how)
@@ -172,7 +205,17 @@ def sphere(
 
 
 def capsule(radius: float, length: float, *, name: str = "capsule", **how: Unpack[How]) -> Model:
-    """All points within `radius` of a segment along z, centred on the origin; metres. Exact."""
+    """Make a capsule: all points within a radius of a segment along z centred on the origin. Exact.
+
+    Args:
+        radius: metres.
+        length: metres; length of the segment.
+        name: what messages call the model.
+        how: see `How`.
+
+    Raises:
+        ModelError: `length` is no number from 0 to 1e45; else as for `TriangleMesh`.
+    """
     ends = np.array([[0, 0, -0.5], [0, 0, 0.5]]) * checked_length(length, name, "length")
     return polyline(ends, radius=radius, name=name, **how)
 
@@ -180,17 +223,18 @@ def capsule(radius: float, length: float, *, name: str = "capsule", **how: Unpac
 def cone(
     low: float, high: float, height: float, *, name: str = "cone", **how: Unpack[How]
 ) -> Model:
-    """A cone about z, or the part of one between two planes, centred on the origin. Exact.
+    """Make a cone about z, or a frustum, with half its height below the origin. Exact.
 
     Args:
         low: metres; the radius at the lower end, 0 at an apex.
-        high: metres; that at the upper end.
+        high: metres; the radius at the upper end, 0 at an apex.
         height: metres.
-        name: what messages call it.
-        how: see `How`; there are no other volumes, and no solid='robust'.
+        name: what messages call the model.
+        how: see `How`; it takes no `volume` and no solid='robust'.
 
     Raises:
-        ModelError: as for `SolidOfRevolution`.
+        ModelError: a length is no number from 0 to 1e45; `how` asks for a `volume` or
+            solid='robust'; else as for `SolidOfRevolution`.
     """
     low, high = checked_length(low, name, "low"), checked_length(high, name, "high")
     end = 0.5 * checked_length(height, name, "height")
@@ -200,16 +244,17 @@ def cone(
 
 
 def torus(large: float, small: float, *, name: str = "torus", **how: Unpack[How]) -> Model:
-    """A ring about z, centred on the origin. Exact.
+    """Make a torus about z, centred on the origin. Exact.
 
     Args:
         large: metres; the radius of the circle in the middle of the tube.
-        small: metres; that of the tube, at most `large`.
-        name: what messages call it.
-        how: see `How`; there are no other volumes, and no solid='robust'.
+        small: metres; the radius of the tube, at most `large`.
+        name: what messages call the model.
+        how: see `How`; it takes no `volume` and no solid='robust'.
 
     Raises:
-        ModelError: as for `SolidOfRevolution`.
+        ModelError: a length is no number from 0 to 1e45; `how` asks for a `volume` or
+            solid='robust'; else as for `SolidOfRevolution`.
     """
     large, small = checked_length(large, name, "large"), checked_length(small, name, "small")
     rim = [(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1), (1, 0)]
@@ -219,7 +264,7 @@ def torus(large: float, small: float, *, name: str = "torus", **how: Unpack[How]
 
 
 def _turned(curves: Sequence[Curve], name: str, how: How) -> Model:
-    """The solid of revolution of a profile about z; its surface where it must be no solid."""
+    """Make the solid of revolution of a profile about z; if `solid` is False, its surface alone."""
     if how.get("volume", "rss") != "rss" or how.get("solid") == "robust":
         raise ModelError(f"{name}: volume and solid='robust' are for meshes, not for surfaces")
     made = SolidOfRevolution(curves, name=name, deviation=how.get("deviation", 0.0))

@@ -1,4 +1,4 @@
-"""Where a model has an inside: the check, what the search needs of it, and the reason for none."""
+"""Find out where a model has an inside, what searches need of it, or why it has none."""
 
 from __future__ import annotations
 
@@ -35,31 +35,31 @@ class Sides:
     """What is known of a model's inside."""
 
     first: NDArray[np.int32]
-    """(n,) of each vertex the first one at the same place."""
+    """(n,) for each vertex the first one at the same place; empty for a model without vertices."""
     part: NDArray[np.int32]
-    """(m,) of each triangle, in tree order, the number of its connected part."""
+    """(m,) for each triangle, in tree order, the number of its connected part."""
     proper: bool
-    """Whether any face has an area."""
+    """Whether any element has an area."""
     opening: tuple[str, int, int] | None
-    """Why its edges bound no solid, and between which vertices first; None where they do."""
+    """Why the edges bound no solid, and the two vertices of the first bad edge; None: they do."""
     rim: float
-    """Metres: how long its open edges are together."""
+    """Metres: the total length of the open edges."""
     region: Region
     extent: NDArray[np.float64]
-    """(2,) two numbers of the region, as the table has them."""
+    """(2,) `region.inside` and `region.rim`, as the table needs them."""
     table: NDArray[np.int64]
     """The addresses of the hierarchy of all triangles and of the region; see solid_table.py."""
     reason: str
-    """Why it is no solid; empty where it is one."""
+    """Why the model is no solid; empty if it is one."""
 
 
 def sides_of(model: Model) -> Sides:
-    """Where a model has an inside; found once a shape and remembered."""
+    """Return where a model has an inside; found once for each shape."""
     return model._hierarchy.sides()
 
 
 def insides_of(models: Sequence[Model]) -> Insides | MixedInsides:
-    """The spaces that bodies with these models enclose; several may share one."""
+    """Return the insides of bodies with these models, for the kernels; bodies may share a model."""
     shapes = tuple({id(model): model for model in models}.values())
     regions = [sides_of(model).region for model in shapes]
     starts = np.cumsum([0, *(len(each.samples) for each in regions)])
@@ -79,22 +79,22 @@ def insides_of(models: Sequence[Model]) -> Insides | MixedInsides:
 
 
 def find_sides(mesh: MeshHierarchy, known: Sides | None) -> Sides:
-    """Find where triangles have an inside.
+    """Find out where triangles have an inside.
 
-    Vertices of equal coordinates count as one, so a soup of triangles, as STL files hold it, can
-    be a solid. Each edge must be passed as often one way as the other: by two faces, or by four
-    and more where parts touch along an edge. Then every point off the surface has a whole winding
-    number. Faces that repeat a vertex enclose nothing and are passed over.
+    Vertices of equal coordinates count as one, so a soup of triangles, as in STL files, can be a
+    solid. Each edge must be passed as often one way as the other: by two faces, or by four and more
+    if parts touch along it. Then every point off the surface has an integer winding number. Faces
+    that repeat a vertex enclose nothing and are ignored.
 
     Args:
         mesh: the triangles.
-        known: of the same faces, before their vertices moved. The edges are the same unless
-            vertices came apart or together, so little more than the volume is computed again.
+        known: the result for the same faces before their vertices moved. Unless vertices have come
+            together or apart, it is used again, and little more than the volume is computed.
     """
     robust = mesh.solid == "robust"
     first = weld(mesh.vertices)
     same = known is not None and np.array_equal(first, known.first)
-    if same and not (robust and known.opening):  # of open edges the lengths count
+    if same and not (robust and known.opening):  # lengths of open edges must be computed again
         part, proper, opening = known.part, known.proper, known.opening
         rim, samples = known.rim, known.region.samples
     else:
@@ -117,7 +117,7 @@ def find_sides(mesh: MeshHierarchy, known: Sides | None) -> Sides:
         text, i, j = opening
         reason = f"{text} {mesh.vertices[i].tolist()} and {mesh.vertices[j].tolist()}"
     if mesh.solid is not False and mesh.swept_radius > 0.0:
-        reason = ""  # whatever comes into the ball is near its core
+        reason = ""  # all points within the radius of the core are inside
     ball = np.array([*mesh.centre, mesh.core_radius])
     corners = mesh.tree.triangles.reshape(-1, 3)
     box = np.stack((corners.min(axis=0), corners.max(axis=0)))
@@ -128,7 +128,7 @@ def find_sides(mesh: MeshHierarchy, known: Sides | None) -> Sides:
 def plain_sides(
     hierarchy: Hierarchy, proper: bool, reason: str, samples: NDArray[np.int32]
 ) -> Sides:  # fmt: skip
-    """What is known of a model without vertices: it closes up, unless there is a reason."""
+    """Return the sides of a model without vertices: it is a solid unless `reason` says why not."""
     nothing = np.empty(0, np.int32)
     ball = np.array([*hierarchy.centre, hierarchy.core_radius])
     inside = NOWHERE if reason else WHOLE
@@ -150,7 +150,7 @@ def _sides(
 def _edges(
     mesh: MeshHierarchy, faces: NDArray[np.int32]
 ) -> tuple[bool, tuple[str, int, int] | None, float]:
-    """Whether any face has an area; `Sides.opening`; how long the edges are that bound nothing."""
+    """Return whether any face has an area, `Sides.opening`, and the open edges' length, metres."""
     proper, odd, unlike, firsts, rim = solids.unpaired_edges(faces, mesh.vertices)
     for count, (i, j), text in (
         (odd, firsts[0], "not watertight: {} open edges (of an odd number of faces)"),
@@ -163,7 +163,7 @@ def _edges(
 
 
 def _rim_tree(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> Tree:
-    """The hierarchy of the edges (k, 2) that are not passed as often one way as the other."""
+    """Build the hierarchy of the edges that are not passed as often one way as the other."""
     ends = np.concatenate((faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]))
     repeats = (faces == np.roll(faces, 1, axis=1)).any(axis=1)
     ends = ends[~np.tile(repeats, 3)]
@@ -174,21 +174,21 @@ def _rim_tree(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> Tree:
 
 @cache
 def _no_rim() -> Tree:
-    """A hierarchy in place of one."""
+    """Return a hierarchy of one point, a placeholder for models without open edges."""
     return _tree(np.zeros((1, 3)), np.zeros((1, 3)))
 
 
 def _tree(vertices: NDArray[np.float64], triangles: NDArray) -> Tree:
     faces = np.ascontiguousarray(triangles, np.int32)
     for array in (vertices, faces):
-        array.setflags(write=False)  # kernels need no second form
+        array.setflags(write=False)  # else kernels would be compiled for writable arrays too
     return build(np.ascontiguousarray(vertices[faces].reshape(-1, 9)), vertices, faces).tree
 
 
 def _no_volume(mesh: MeshHierarchy, part: NDArray[np.int32], samples: NDArray[np.int32]) -> str:
-    """Empty where at least one connected part encloses a volume that is more than rounding.
+    """Return why a mesh encloses no volume; empty if a connected part encloses one beyond rounding.
 
-    A part that does not is a folded sheet, around which no point has a winding number but 0.
+    Any other part is a folded sheet: all points off it have the winding number 0.
     """
     tree = mesh.tree
     volumes, terms = solids.part_volumes(tree.triangles, tree.scale[0], part, samples).T

@@ -25,16 +25,15 @@ _AS_TOLD = "it is to be taken for a surface (solid=False)"
 
 
 class Surface(Model):
-    """What models of patches and curves have in common.
+    """Base class of models of patches and curves.
 
-    Their bounding volume hierarchy is made when it is first needed.
+    The bounding volume hierarchy is made when it is first needed.
     """
 
     __slots__ = ("_deviation", "_joints", "_made", "_solid", "name", "nets")
 
     nets: tuple[Net, ...]
-    """Control points, weights and knots of its patches and curves. `deform` puts others in their
-    place."""
+    """Control points, weights and knots of the patches and curves; `deform` replaces them."""
 
     kind = "surface"
     _hierarchy_kind: ClassVar[type[SurfaceHierarchy]] = SurfaceHierarchy
@@ -50,7 +49,7 @@ class Surface(Model):
         self._made: SurfaceHierarchy | None = None
 
     def _checked(self, nets: Sequence[Net]) -> Joints:
-        """How nets close up (see closed.py), if they must or may; else why there is no inside."""
+        """Return how nets close up (see closed.py); raise ModelError if they must and do not."""
         if self._solid is False:
             return Joints(_AS_TOLD, 0.0)
         joints = find_joints(nets, self.deviation)
@@ -75,20 +74,25 @@ class Surface(Model):
 
     @property
     def deviation(self) -> float:
-        """Metres: how far the surface may be from that of the thing it stands for."""
+        """Metres: how far the surface may be from that of the part it stands for."""
         return self._deviation
 
     @property
     def control_points(self) -> NDArray[np.float64]:
-        """The control points (n, 3), metres, patch by patch, those along v together; read-only."""
+        """The control points (n, 3), metres, model frame; read-only.
+
+        They are listed patch by patch, v fastest.
+        """
         points = np.concatenate([net.points for net in self.nets])
         points.setflags(write=False)
         return points
 
     def deform(self, points: ArrayLike) -> float:
-        """Move the control points (n, 3); weights and knots stay. See `Model.deform`.
+        """Move the control points to (n, 3), metres, model frame; weights and knots stay.
 
-        A point of the surface moves by a weighted mean of what control points move by.
+        The motion of a point of the surface is a weighted mean of the motions of control points,
+        so it is no larger than the largest of these. For the result and the errors see
+        `Model.deform`.
         """
         moved, before = checked_vertices(points, self.name, "control_points"), self.control_points
         if len(moved) != len(before):
@@ -101,31 +105,34 @@ class Surface(Model):
         return largest_norm(moved - before)
 
     def _refit(self, moved: Sequence[Net]) -> None:
-        """Take the same nets, whose control points moved."""
+        """Adopt nets of the same structure whose control points moved, unless they are refused."""
         nets = tuple(moved)
         joints = self._checked(nets)
         self._made = self._hierarchy.refitted(nets, joints)
         self.nets, self._joints = nets, joints
 
     def display_mesh(self, tolerance: float) -> DisplayMesh:
-        """A tessellation with the surface's own normals; curves are degenerate triangles.
+        """Return a tessellation with the surface's own normals; curves are degenerate triangles.
 
-        It is as fine as the tolerance demands, but of some 120,000 triangles at most.
+        It is as fine as the tolerance demands, but has some 120,000 triangles at most.
         """
         return tessellated_surface(self.nets, tolerance)
 
     @staticmethod
     def feature(element: int, parameters: NDArray[np.float64]) -> Feature:
-        """The patch, and u and v within its knots (2,); or the curve and its parameter (1,).
+        """Return the patch and its u and v (2,), or the curve and its parameter (1,).
 
-        The third parameter that a search writes is 0 on a patch and 1 on a curve.
+        The third of the given parameters is 0 on a patch and 1 on a curve.
         """
         if parameters[2] > 0.0:
             return Feature("curve", element, parameters[:1])
         return Feature("patch", element, parameters[:2])
 
     def digest(self) -> str:
-        """Of control points, weights, knots, trims, the deviation, whether it must be a solid."""
+        """Return a checksum, 16 hexadecimal digits.
+
+        It covers control points, weights, knots, trims, the deviation and `solid` as given.
+        """
         found = hashlib.blake2b(self.kind.encode(), digest_size=8)
         found.update(
             struct.pack("<db", self._deviation, -1 if self._solid is None else self._solid)
@@ -139,7 +146,7 @@ class Surface(Model):
         return found.hexdigest()
 
     def describe(self, length: Callable[[float], str]) -> str:
-        """Its patches and curves, their degrees where these are alike, its control points."""
+        """Return the numbers of patches, curves and control points, and common degrees, as text."""
         parts = []
         for is_curve, one, more in ((False, "patch", "patches"), (True, "curve", "curves")):
             degrees = [net.degrees for net in self.nets if net.is_curve == is_curve]
@@ -153,15 +160,15 @@ class Surface(Model):
         return f"{' and '.join(parts)}, {count} control points"
 
     def __getstate__(self) -> dict[str, Any]:
-        """All but addresses, and for which kernels the hierarchy was built."""
+        """Return all but addresses, with the version of the kernels that built the hierarchy."""
         made = self._hierarchy.__getstate__()
         return {"kernels": KERNELS, "name": self.name, "hierarchy": made}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Take what pickle thawed.
+        """Restore the model from a pickle.
 
         Raises:
-            ModelError: another version pickled it, whose hierarchies are other ones.
+            ModelError: another version pickled it, whose hierarchies may differ.
         """
         if state["kernels"] != KERNELS:
             raise ModelError(
@@ -175,10 +182,10 @@ class Surface(Model):
         self._solid, self._joints = self._made.solid, self._made.joints
 
     def _parameters(self, *given: ArrayLike) -> list[NDArray[np.float64]]:
-        """Parameters of the only patch or curve, of one shape.
+        """Return parameters of the only patch or curve, checked and broadcast to one shape.
 
         Raises:
-            ValueError: parameters that are no numbers, or outside of the knots.
+            ValueError: parameters are no numbers, or outside of the domain.
         """
         letters = "uv" if len(given) == 2 else "t"
         arrays = [as_reals(each, letter) for each, letter in zip(given, letters, strict=True)]
@@ -197,23 +204,24 @@ class ParametricSurface(Surface):
     """Many patches and curves as one model.
 
     Args:
-        patches: `Patch` and `Curve`; their shapes are taken as they are now.
-        name: what messages call it.
-        deviation: metres; how far the surface may be from that of the thing it stands for. If one
-            of the patches has a larger one, that counts.
-        solid: whether it is a solid, inside of which distances are negative. Then the patches must
-            close up, which is checked here and at every `deform`: each of their edges lies on one
-            or several others that go the other way, no farther apart than the deviation and 1e-12
-            of the largest coordinate. So all normals point outward, or all inward. Edges that are
-            points, such as poles, count for nothing. Patches may meet with unlike knots and
-            degrees, and several beside one. Edges of trimmed patches are those of their loops,
-            which must not cross; then twice the deviation and 1e-6 of the largest coordinate are
-            allowed. None: it is one if they close up, which is found out with its hierarchy;
-            `not_solid` says why it is none.
+        patches: `Patch` and `Curve`, in the model frame; later changes to them have no effect.
+        name: what messages call the model.
+        deviation: metres; how far the surface may be from that of the part it stands for. If a
+            patch has a larger one, that counts.
+        solid: whether it is a solid, inside of which signed distances are negative. True: the
+            patches must close up, which is checked here and at every `deform`. Each edge must lie
+            on one or several edges of the opposite direction, no farther apart than the deviation
+            plus 1e-12 of the largest coordinate. So all normals point outward, or all inward. Edges
+            that are points, such as poles, are ignored. Neighbours may differ in knots and degrees,
+            and several may meet at one edge. Edges of trimmed patches are those of their loops,
+            which must not cross; with trimmed patches twice the deviation plus 1e-6 of the largest
+            coordinate is allowed. None: it is a solid if the patches close up, which is found out
+            with the hierarchy; `not_solid` says why it is none. False: it is a surface.
 
     Raises:
-        ModelError: no patches, or what is none; a deviation that is no length; open edges though
-            it must be a solid. The message says which.
+        ModelError: there are no patches, or one is no `Patch` or `Curve`; `solid` is not True,
+            False or None; the deviation is no number from 0 to 1e45 m; the model must be a solid
+            and has open edges. The message says which.
     """
 
     __slots__ = ()
@@ -242,7 +250,11 @@ class ParametricSurface(Surface):
 
     @classmethod
     def of(cls, nets: Sequence[Net], *, name: str, deviation: float, solid: bool | None) -> Self:
-        """The surface of checked nets."""
+        """Make the surface of checked nets.
+
+        Raises:
+            ModelError: `solid` is True and the patches do not close up.
+        """
         made = cls.__new__(cls)
         Surface.__init__(made, nets, name, deviation, solid)
         return made

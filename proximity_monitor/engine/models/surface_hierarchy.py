@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from .solid import Sides
 
 _ROWS, _RATIONAL_ROWS = 3, 7
-"""Rows of a cell's control points: x, y and z; of a rational one, homogeneous ones as well."""
+"""Rows of a cell's control points: x, y and z; of a rational cell four homogeneous rows as well."""
 
 
 class SurfaceHierarchy(Hierarchy):
@@ -41,17 +41,17 @@ class SurfaceHierarchy(Hierarchy):
     __slots__ = ("cell_width", "joints", "nets", "order", "parts")
 
     parts_of = staticmethod(parts_of)
-    """Into how many parts the spans of nets are to be cut."""
+    """The function that says into how many parts the spans of nets are cut."""
 
     joints: Joints
-    """How the patches close up, or why there is no inside."""
+    """The gap with which the patches close up, or why there is no inside."""
 
     nets: tuple[Net, ...]
-    """Of the patches and curves."""
+    """The control nets of the patches and curves."""
     order: NDArray[np.int32]
-    """(m,) which piece, counted patch by patch, stands where in tree order."""
+    """(m,) the number, counted patch by patch, of each piece in tree order."""
     parts: Parts
-    """Into how many parts their spans are cut; as long as the structure stays."""
+    """Into how many parts the spans are cut; unchanged while the structure is kept."""
 
     @classmethod
     def of(
@@ -63,7 +63,7 @@ class SurfaceHierarchy(Hierarchy):
         solid: bool | None,
         joints: Joints,
     ) -> Self:
-        """The hierarchy of checked nets, which close up so and are cut into such parts.
+        """Build the hierarchy of checked nets, cut into `parts`, which close up as `joints` says.
 
         Raises:
             ModelError: a trimming loop leaves the rectangle of its patch.
@@ -77,9 +77,9 @@ class SurfaceHierarchy(Hierarchy):
         })  # fmt: skip
 
     def refitted(self, nets: Sequence[Net], joints: Joints) -> Self:
-        """A hierarchy of the same structure over the same nets, whose control points moved.
+        """Return a hierarchy of the same structure for nets whose control points moved.
 
-        Its revision is one more.
+        The revision increases by one.
         """
         tree = refit_surface(self.tree, self.order, nets, self.parts, joints.gap)
         changed = {"joints": joints, "nets": tuple(nets), "tree": tree, "distinct": tree}
@@ -103,10 +103,11 @@ class SurfaceHierarchy(Hierarchy):
         return in_threes(projected(self.tree)[0])
 
     def _samples(self) -> NDArray[np.float64]:
-        """Three corners of each piece: where both u and v are low, v alone, and neither.
+        """Return three corners of each piece: with u and v low, with u high and v low, both high.
 
-        An edge has two ends. Where loops cross a piece, the end of an edge on it stands for its
-        corners; if there is none its middle, where that is left, or else another edge of its patch.
+        For an edge they are its ends. A piece that loops cross has one point instead: an end of an
+        edge on the piece; without one its middle, if this is left; else an end of another edge of
+        its patch.
         """
         pieces = self.tree.pieces
         points, starts = projected(self.tree)
@@ -126,7 +127,10 @@ class SurfaceHierarchy(Hierarchy):
 
     @property
     def some_point(self) -> NDArray[np.float64]:
-        """(3,) metres, model frame: where both parameters of a whole patch begin, or on a loop."""
+        """(3,) metres, model frame: the corner of lowest u and v of an untrimmed patch, if any.
+
+        If all patches are trimmed, it is a point that the loops of the first one leave.
+        """
         patch, u, v = self._somewhere()
         if self.nets[patch].trim is not None:
             return self.nets[patch].derivatives(np.array([u]), np.array([v]), 0)[0, 0, 0]
@@ -137,12 +141,15 @@ class SurfaceHierarchy(Hierarchy):
 
     @property
     def some_feature(self) -> tuple[float, float, float, float]:
-        """Its parameters and its patch; the third is 1 on a curve, as `Surface.feature` has it."""
+        """u, v, 0 on a patch or 1 on a curve (as for `Surface.feature`), and the patch's number."""
         patch, u, v = self._somewhere()
         return u, v, float(self.nets[patch].is_curve), float(patch)
 
     def _somewhere(self) -> tuple[int, float, float]:
-        """A patch or curve and parameters that are left of it: of one that is whole, if any is."""
+        """Return a patch or curve, and u and v of a point of it that no loop cuts off.
+
+        It is one without a trim, if there is any.
+        """
         for patch, net in enumerate(self.nets):
             if net.trim is None:
                 along_u, along_v = net.spans
@@ -163,9 +170,9 @@ class SurfaceHierarchy(Hierarchy):
         return plain_sides(self, proper, self.joints.reason, self._parts())
 
     def _parts(self) -> NDArray[np.int32]:
-        """One piece of each connected part, as `Region.samples`.
+        """Return one piece of each connected part, for `Region.samples`.
 
-        Pieces that share a corner are connected; where others touch, the part counts as two.
+        Pieces that share a corner are connected. Parts that touch elsewhere count separately.
         """
         points = self._samples().reshape(-1, 3)
         corners = weld(points).reshape(-1, 3)

@@ -1,4 +1,4 @@
-"""Triangles that look like surfaces, with the surfaces' own normals."""
+"""Triangles that show surfaces, with the surfaces' own normals."""
 
 from __future__ import annotations
 
@@ -13,24 +13,26 @@ from .nurbs import Net
 from .trim_mesh import trimmed_grid
 
 _MOST = 64
-"""Steps on a span, at the most."""
+"""The most steps on a span."""
 
 _ENOUGH = 120_000
-"""Triangles of a model, at the most, unless each span has but one step."""
+"""The most triangles of a model, unless each span has only one step."""
 
 _PARTS = 4
-"""Into how many parts a span is cut to bound what bends on it, if it is rational."""
+"""Into how many parts a span of a rational patch is cut to bound its second derivatives."""
 
 _ASIDE = (1e-6, 1e-3, 0.1)
-"""Where a normal vanishes it is looked for as far towards the middle of the domain, as a share."""
+"""If a normal vanishes, it is taken at points that are these shares of the way to the middle of the
+domain, one after the other."""
 
 
 def tessellated_surface(nets: Sequence[Net], tolerance: float) -> DisplayMesh:
-    """Triangles of patches and degenerate ones of curves.
+    """Return triangles for patches, and degenerate triangles for curves.
 
-    Each span is cut into equal steps, each step in u times one in v into two triangles. With steps
-    h and k, as shares of their spans, no point of a triangle is farther from that of the same
-    parameters than (h² |S_uu| + 2 h k |S_uv| + k² |S_vv|) / 8 (Filip, Magedson and Markot 1986).
+    Each span is cut into equal steps. Each step in u with a step in v makes two triangles. Let h
+    and k be the steps as shares of their spans. Then a point of a triangle and the point of the
+    surface with the same parameters are no farther apart than
+    (h² |S_uu| + 2 h k |S_uv| + k² |S_vv|) / 8 (Filip, Magedson and Markot 1986).
     """
     bends = [_bends(net) for net in nets]
     while True:
@@ -67,9 +69,10 @@ def tessellated_surface(nets: Sequence[Net], tolerance: float) -> DisplayMesh:
 def _off(
     net: Net, bends: tuple[NDArray[np.float64], ...], steps: tuple[NDArray[np.int64], ...]
 ) -> float:
-    """How far the triangles are from the patch, by the formula above and for rounding.
+    """Return how far the triangles are from the patch, metres: the formula above, and rounding.
 
-    Along its trims they end at chords, and how far off these are is not bounded here.
+    For a trimmed patch this is infinite: its triangles end at chords of the loops, and the distance
+    of these chords is not bounded here.
     """
     if net.trim is not None:
         return math.inf
@@ -82,7 +85,7 @@ def _off(
 def _grid(
     net: Net, u: NDArray[np.float64], v: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """All crossings of a grid's lines (k, 2), and triangles (j, 3) of their indices."""
+    """Return the parameters (k, 2) of a grid's nodes, and triangles (j, 3) of their indices."""
     places = np.column_stack((np.repeat(u, len(v)), np.tile(v, len(u))))
     at = np.arange(len(places)).reshape(len(u), len(v))
     if net.is_curve:
@@ -94,7 +97,7 @@ def _grid(
 
 
 def unit_normals(net: Net, u: NDArray[np.float64], v: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The unit normals (k, 3) at u and v (k,), where there are none those nearby; 0 on a curve."""
+    """Return unit normals (k, 3) at u and v (k,): nearby ones if they vanish; 0 on a curve."""
     made = np.zeros((len(u), 3))
     if net.is_curve:
         return made
@@ -118,11 +121,11 @@ def unit_normals(net: Net, u: NDArray[np.float64], v: NDArray[np.float64]) -> ND
 
 
 def _bends(net: Net) -> tuple[NDArray[np.float64], ...]:
-    """Bounds of |S_uu|, |S_uv| and |S_vv| on each piece (s_u, s_v), as if its parameters were 0..1.
+    """Return bounds of |S_uu|, |S_uv| and |S_vv| on each piece (s_u, s_v) for parameters of 0..1.
 
-    Of a rational piece S = X / w, seen from a point in its middle, follow from w S = X by
-    differentiation w S_u = X_u - w_u S, w S_uv = X_uv - w_u S_v - w_v S_u - w_uv S, and the like.
-    The smaller a part of it, the closer are the bounds that its control points give.
+    For a rational piece S = X / w, seen from a point in its middle, w S = X is differentiated:
+    w S_u = X_u - w_u S, w S_uv = X_uv - w_u S_v - w_v S_u - w_uv S, and so on. Control points give
+    closer bounds on smaller parts.
     """
     parts = 1 if net.weights is None else _PARTS
     made = net.pieces((parts, parts))
@@ -148,7 +151,10 @@ def _bends(net: Net) -> tuple[NDArray[np.float64], ...]:
 
 
 def _derived(points: NDArray[np.float64], i: int, j: int) -> NDArray[np.float64]:
-    """The control points of a derivative of Bezier pieces (s_u, s_v, n_u, n_v, c)."""
+    """Return control points of the derivative of order i in u, j in v of Bezier pieces.
+
+    The pieces are (s_u, s_v, n_u, n_v, c).
+    """
     for axis, times in ((2, i), (3, j)):
         for _ in range(times):
             points = np.diff(points, axis=axis) * (points.shape[axis] - 1)
@@ -156,17 +162,17 @@ def _derived(points: NDArray[np.float64], i: int, j: int) -> NDArray[np.float64]
 
 
 def _largest(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The largest length of vectors (s_u, s_v, n_u, n_v, c) of each piece; 0 of none."""
+    """Return the largest length of vectors (s_u, s_v, n_u, n_v, c) for each piece; 0 of none."""
     return np.linalg.norm(vectors, axis=-1).max(axis=(2, 3), initial=0.0)
 
 
 def _steps(
     net: Net, bends: tuple[NDArray[np.float64], ...], tolerance: float
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """How many steps each span in u and in v is cut into: the same for all pieces beside it."""
+    """Return how many steps each span in u and in v is cut into, in all pieces along it."""
     uu, uv, vv = bends
     size = float(np.abs(net.points).max())
-    # What is rounding alone bends nothing.
+    # Second derivatives that are only rounding count as 0.
     flat = 1e-13 * size
     uu, uv, vv = (np.where(each <= flat, 0.0, each) for each in (uu, uv, vv))
     tolerance = max(tolerance, flat, 1e-300)
@@ -183,7 +189,7 @@ def _steps(
 def _parameters(
     low: NDArray[np.float64], high: NDArray[np.float64], steps: NDArray[np.int64]
 ) -> NDArray[np.float64]:
-    """Where the steps of all spans begin, and the last one ends."""
+    """Return the parameters where the steps of all spans begin, and where the last one ends."""
     parts = [
         a + (b - a) * (np.arange(n) / n) for a, b, n in zip(low, high, steps.tolist(), strict=True)
     ]

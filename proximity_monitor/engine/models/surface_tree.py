@@ -1,4 +1,4 @@
-"""The tree over pieces of surfaces: how it is made, and the proof that it is right."""
+"""Build the tree over pieces of surfaces, and check that it is right."""
 
 from __future__ import annotations
 
@@ -35,18 +35,18 @@ from .tree import TreeError
 def build_surface(
     nets: Sequence[Net], parts: Parts, trims: Trims, deviation: float, gap: float
 ) -> tuple[SurfaceTree, NDArray[np.int32], int]:
-    """The tree over the pieces of nets.
+    """Build the tree over the pieces of nets.
 
     Args:
-        nets: of the patches and curves.
+        nets: those of the patches and curves.
         parts: into how many parts their spans are cut.
         trims: their loops.
-        deviation: metres; how far they may be from what they stand for.
-        gap: metres; of a solid, the gaps between patches that were taken for none.
+        deviation: metres; how far they may be from the part that they stand for.
+        gap: metres; how near to the patches of a solid the surfaces are that close its gaps.
 
     Returns:
-        The tree; which piece, in the order of `_cut`, stands where in tree order (m,); and how many
-        levels there are.
+        The tree; (m,) the number, in the order of `_cut` and `with_edges`, of each piece in tree
+        order; and the number of levels.
 
     Raises:
         ModelError: a loop leaves the rectangle of its patch.
@@ -55,12 +55,12 @@ def build_surface(
     points, starts = project(pieces, flat)
     low = np.minimum.reduceat(points, starts[:-1])
     high = np.maximum.reduceat(points, starts[:-1])
-    # The structure depends on where pieces are alone: each stands there as a point.
+    # The structure depends only on the places of pieces, so each piece is replaced by a point.
     stand_ins = np.ascontiguousarray(np.tile(0.5 * low + 0.5 * high, 3))
     leaves = np.full((len(pieces), 2), -1, np.int32)
     leaves[:, 0] = np.arange(len(pieces))
     children, order, depth = build_tree(stand_ins, leaves, len(pieces))
-    children.setflags(write=False)  # as when it is refitted: kernels need no second form
+    children.setflags(write=False)  # as in a refit, so that kernels are compiled only once
     scale = _scale(nets, parts, lost, 0.0, deviation, gap)
     tree = _fitted(children, order, pieces, flat, scale, trims)
     return tree, order.astype(np.int32), depth + 1
@@ -69,7 +69,7 @@ def build_surface(
 def refit_surface(
     tree: SurfaceTree, order: NDArray[np.int32], nets: Sequence[Net], parts: Parts, gap: float
 ) -> SurfaceTree:
-    """A tree of the same structure over the pieces of the same nets, whose control points moved."""
+    """Return a tree of the same structure over the pieces of nets whose control points moved."""
     pieces, flat, lost = with_edges(*_cut(nets, parts), tree.trims)
     revision, deviation = tree.scale[REVISION] + 1.0, tree.scale[REVISION + 2]
     scale = _scale(nets, parts, lost, revision, deviation, gap)
@@ -77,12 +77,12 @@ def refit_surface(
 
 
 def projected(tree: SurfaceTree) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """The control points (n, 3) of all pieces, metres, and where those of each begin (m + 1,)."""
+    """Return the control points (n, 3) of all pieces, metres, and each piece's start (m + 1,)."""
     return project(tree.pieces, tree.nets)
 
 
 def _cut(nets: Sequence[Net], parts: Parts) -> tuple[NDArray, NDArray[np.float64]]:
-    """The pieces of nets one after the other, and their control nets (m, k), as `nets` has them."""
+    """Cut nets into pieces (m,) PIECE; return them and their nets, flat as in SurfaceTree."""
     pieces, flat, start = [], [], 0
     for patch, (net, own_parts) in enumerate(zip(nets, parts, strict=True)):
         along_u, along_v = net.parts(own_parts)
@@ -120,7 +120,7 @@ def _fitted(
     scale: NDArray[np.float64],
     trims: Trims,
 ) -> SurfaceTree:
-    """A tree of a structure over pieces, which are brought into its order."""
+    """Return the tree of a given structure over pieces, which are brought into tree order."""
     pieces = pieces.take(order)
     pieces["face"] = np.argsort(order)[pieces["face"]]
     points, starts = project(pieces, nets)
@@ -137,7 +137,7 @@ def _fitted(
 
 
 def in_threes(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Points (n, 3), the last of them repeated, as rows (k, 9) of three."""
+    """Return points (n, 3) as rows (k, 9) of three, filled up with the last point."""
     missing = -len(points) % 3
     made = np.concatenate((points, points[-1:].repeat(missing, axis=0)))
     return frozen(made.reshape(-1, 9))
@@ -146,19 +146,19 @@ def in_threes(points: NDArray[np.float64]) -> NDArray[np.float64]:
 def _scale(
     nets: Sequence[Net], parts: Parts, lost: float, revision: float, deviation: float, gap: float
 ) -> NDArray[np.float64]:
-    """The numbers of a tree as a whole, but for the first three: see `SurfaceTree`.
+    """Return the `scale` of a tree without its first three numbers: see `SurfaceTree`.
 
-    `lost` metres is how far rounding may move an edge.
+    Rounding may move an edge by `lost` metres.
     """
     error = max(net.error(own) for net, own in zip(nets, parts, strict=True)) + lost
     return np.array([0.0, 0.0, 0.0, revision, 0.0, deviation, error, gap])
 
 
 def check_surface_tree(tree: SurfaceTree) -> None:
-    """Prove that each volume contains all control points below it and each piece is in one leaf.
+    """Check that each volume holds all control points below it and each piece is in one leaf.
 
     Raises:
-        TreeError: naming the node and the lane.
+        TreeError: a check fails; the message says which, and in which node and lane.
     """
     seen = np.zeros(len(tree.pieces), np.int64)
     points, starts = projected(tree)
@@ -183,7 +183,7 @@ def _check_node(
     starts: NDArray[np.int64],
     seen: NDArray[np.int64],
 ) -> NDArray[np.float64]:
-    """Check one node and all below; returns the control points that it holds."""
+    """Check a node and all nodes below it; return the control points that it holds."""
     lanes = tree.nodes[node * STRIDE : (node + 1) * STRIDE].reshape(FIELDS, WIDTH)
     lanes, held = lanes.astype(np.float64), []
     own = tree.children[node * WIDTH : (node + 1) * WIDTH]

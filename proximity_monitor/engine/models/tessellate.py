@@ -1,4 +1,4 @@
-"""A mesh of the surface of triangles swept by a ball: for pictures, and for who needs a mesh."""
+"""Tessellate the surface of triangles swept by a ball, to show it or to replace it by a mesh."""
 
 from __future__ import annotations
 
@@ -10,27 +10,29 @@ from numpy.typing import NDArray
 from .tree import weld
 
 _ENOUGH = 60_000
-"""Triangles that a picture of many balls may take, about."""
+"""About the most triangles for many balls."""
 _MERIDIANS = (8, 12, 16, 24, 32, 48)
-"""How many meridians a ball or capsule may have; with half as many parallels."""
+"""How many meridians a ball or capsule may have; it has half as many parallels."""
 
 
 def tessellated(
     vertices: NDArray[np.float64], faces: NDArray[np.int32], radius: float, tolerance: float
 ) -> tuple[NDArray[np.float64], NDArray[np.int32], float]:
-    """A mesh whose corners lie on the surface: of each edge a capsule, of each point a ball.
+    """Return a mesh with corners on the surface: a capsule for each edge, a ball for each point.
 
-    Each is closed, and they overlap. A triangle adds its two sides, moved out by the radius.
+    Capsules and balls are closed, and overlap. Each triangle adds its two sides, moved outward by
+    the radius.
 
     Args:
         vertices: (n, 3) metres.
-        faces: (m, 3) indices of vertices; a segment or a point repeats some.
+        faces: (m, 3) indices of vertices; segments and points repeat some.
         radius: metres, above 0.
-        tolerance: metres; how far inside the surface a face may be, if so many triangles do for it.
+        tolerance: metres; how far inside the surface a face may be. It is exceeded if it would take
+            too many triangles.
 
     Returns:
-        (k, 3) vertices, metres; (l, 3) faces, turned outwards; and how far from what is swept all
-        that is outside is at least, metres, to rounding.
+        (k, 3) vertices, metres; (l, 3) faces, outward; and a distance, metres: every point outside
+        of the mesh is at least this far from the swept triangles, to rounding.
     """
     corners = np.unique(np.sort(weld(vertices)[faces], axis=1), axis=0)
     ends = corners[:, [0, 1, 1, 2, 0, 2]].reshape(-1, 2)
@@ -41,7 +43,7 @@ def tessellated(
     fine = (n for n in fits if radius * (1.0 - _inside(n)) <= tolerance)
     meridians = next(fine, fits[-1])
     points, facets = _capsules(spans, radius, meridians)
-    facets = weld(points)[facets]  # of a ball both halves end on the same ring
+    facets = weld(points)[facets]  # both halves of a ball end on the same ring
     a, b, c = facets.T
     facets = facets[(a != b) & (b != c) & (c != a)]
     proper = corners[(corners[:, 0] != corners[:, 1]) & (corners[:, 1] != corners[:, 2])]
@@ -52,10 +54,10 @@ def tessellated(
 
 
 def _inside(meridians: int) -> float:
-    """How far from the centre the planes of a unit ball's facets are at least.
+    """Return the smallest distance of the planes of a unit ball's facets from its centre.
 
-    A facet between two parallels is a trapezoid. Its plane cuts the plane of symmetry, a meridian's
-    at half a step, in the line through the middles p and q of its parallel sides.
+    A facet between two parallels is a trapezoid, symmetric about the meridian plane through its
+    middle. Its plane meets this one in the line through the middles p and q of its parallel sides.
     """
     angles = np.linspace(0.0, math.pi, meridians // 2 + 1)
     p = np.stack((np.sin(angles) * math.cos(math.pi / meridians), np.cos(angles)), axis=1)
@@ -67,8 +69,8 @@ def _inside(meridians: int) -> float:
 def _capsules(
     spans: NDArray[np.float64], radius: float, meridians: int
 ) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-    """Balls swept along segments (k, 2, 3), one below the other."""
-    rows = meridians // 2  # of parallels, of which the middle one is there for either half
+    """Return vertices and faces of balls swept along segments (k, 2, 3), one after the other."""
+    rows = meridians // 2  # of parallels; the middle one counts twice, once for each half
     angles = np.linspace(0.0, np.pi, rows + 1)[1:-1]
     angles = np.insert(angles, rows // 2, np.pi / 2)
     around = np.linspace(0.0, 2.0 * np.pi, meridians, endpoint=False)
@@ -94,7 +96,7 @@ def _capsules(
 
 
 def _frame(way: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Three perpendicular rows (3, 3), the last along a direction; any where it vanishes."""
+    """Return three perpendicular unit rows (3, 3), the last along a direction; any if this is 0."""
     length = np.linalg.norm(way)
     if not length > 0.0:
         return np.eye(3)
@@ -105,7 +107,7 @@ def _frame(way: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _sides(triangles: NDArray[np.float64], radius: float) -> NDArray[np.float64]:
-    """Both sides of triangles (k, 3, 3), moved out; none of one without an area."""
+    """Return both sides of triangles (k, 3, 3), moved outward; none for those without an area."""
     normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     lengths = np.linalg.norm(normals, axis=1)
     triangles, normals = triangles[lengths > 0.0], normals[lengths > 0.0]

@@ -1,4 +1,4 @@
-"""The hierarchy of a model: how it is built from triangles, and the proof that it is right."""
+"""Build the hierarchy of a model from triangles, and check that it is right."""
 
 from __future__ import annotations
 
@@ -28,26 +28,25 @@ from ..kernels.tree.pairing import pair_up
 from ..kernels.tree.welding import first_drawn, first_equal, without_twins
 
 VOLUMES = {"rss": RSS, "lss": LSS, "pss": PSS, "hybrid": HYBRID, "obb": OBB, "aabb": AABB}
-"""The kinds of volume by name, and what the kernels call them."""
+"""The kinds of volume by name, with their numbers in the kernels."""
 
 BOXES = ("obb", "aabb")
-"""Those of them that are boxes: what is a radius elsewhere is a box's half thickness."""
+"""The kinds that are boxes. The radius of other kinds is the half thickness of a box."""
 
 _EDGES = {"rss": 2, "lss": 1, "pss": 0, "hybrid": 2, "obb": 2, "aabb": 2}
-"""How many half edges a core of each kind may have."""
+"""How many half edges longer than 0 a core of each kind may have."""
 
 
 Tree = MeshTree | BoxTree
 
 
 class Coincident(NamedTuple):
-    """What of a mesh lay on what when its hierarchy was built."""
+    """Which vertices and triangles of a mesh coincided when its hierarchy was built."""
 
     first: NDArray[np.int32] | None
-    """(n,) for each vertex the first one at the same place; None where each has a place of its own.
-    """
+    """(n,) for each vertex the first one at the same place; None: all are at different places."""
     twins: NDArray[np.int32]
-    """(k, 2) in tree order: a triangle that lay on another one, and that one."""
+    """(k, 2) in tree order: a triangle that coincided with another one, and this other triangle."""
 
 
 class Built(NamedTuple):
@@ -55,16 +54,16 @@ class Built(NamedTuple):
 
     tree: Tree
     distinct: Tree
-    """The same without the volumes that hold nothing but twins: for who asks for the nearest."""
+    """The same without volumes that hold only twins, for searches of the nearest triangle."""
     order: NDArray[np.int32]
-    """(m,) which triangle stands where in tree order."""
+    """(m,) the number of each triangle in tree order."""
     depth: int
     """The number of levels."""
     coincident: Coincident
 
 
 def weld(vertices: NDArray[np.float64]) -> NDArray[np.int32]:
-    """For each vertex (n, 3) the first one with equal coordinates, (n,)."""
+    """Return (n,) for each vertex (n, 3) the first one with equal coordinates."""
     given = np.ascontiguousarray(vertices, np.float64)
     return first_equal((given + 0.0).view(np.int64))  # -0.0 becomes 0.0
 
@@ -79,23 +78,23 @@ def build(
 ) -> Built:
     """Build the hierarchy over triangles.
 
-    What lies on what is told by place, not by index: triangles that do not share vertices get the
-    same hierarchy as if they did.
+    Coincidence is decided by coordinates, not by indices. So triangles that do not share vertices
+    get the same hierarchy as if they did.
 
     Args:
         corners: (m, 9) metres; C-contiguous.
         vertices: (n, 3) metres; C-contiguous.
-        faces: (m, 3) which corners are which vertices.
+        faces: (m, 3) the vertices of the corners.
         volume: a key of VOLUMES.
         swept: metres; radius of the ball that sweeps the triangles.
-        deviation: metres; how far they may be from what they stand for.
+        deviation: metres; how far they may be from the part that they stand for.
     """
     first = weld(vertices)
     if (first[1:] > first[:-1]).all():
         first = None
     else:
         faces = first.take(faces)
-        faces.setflags(write=False)  # as the mesh's: kernels need no second form
+        faces.setflags(write=False)  # like the mesh's, so that kernels are compiled only once
     scale = _scale(corners, 0.0, swept, deviation)
     drawn = first_drawn(faces)
     leaves, distinct = pair_up(corners, faces, drawn, scale[0])
@@ -120,22 +119,22 @@ def refit(
     faces: NDArray[np.int32],
     volume: str,
 ) -> tuple[Tree, Tree]:
-    """A hierarchy of the same structure over the same triangles, whose vertices moved.
+    """Return a hierarchy of the same structure over the same triangles, whose vertices moved.
 
     Args:
         tree: the hierarchy that was built.
         coincident: as `build` returned it.
-        corners: (m, 9) metres, in tree order; C-contiguous, and kept.
+        corners: (m, 9) metres, in tree order; C-contiguous. The new hierarchy keeps the array.
         vertices: (n, 3) metres.
-        faces: (m, 3) which corners are which vertices, in tree order.
+        faces: (m, 3) the vertices of the corners, in tree order.
         volume: a key of VOLUMES.
 
     Returns:
-        As `Built.tree` and `Built.distinct`.
+        The new `Built.tree` and `Built.distinct`.
     """
     first = coincident.first
     if first is not None:
-        # One that has come away from the first of its place stands for itself.
+        # A vertex that has moved away from the first one of its old place counts for itself.
         there = (vertices == vertices.take(first, axis=0)).all(axis=1)
         faces = np.where(there, first, np.arange(len(first), dtype=np.int32)).take(faces)
     scale = _scale(corners, tree.scale[REVISION] + 1.0, *tree.scale[REVISION + 1 :])
@@ -144,7 +143,7 @@ def refit(
 
 
 def _distinct(tree: Tree, faces: NDArray[np.int32], twins: NDArray[np.int32]) -> Tree:
-    """A hierarchy without the volumes that hold nothing but twins; the same one without twins."""
+    """Return a hierarchy without volumes that hold only twins; the given one if there are none."""
     if len(twins) == 0:
         return tree
     nodes = without_twins(tree.nodes, tree.children, faces, twins)
@@ -159,7 +158,7 @@ def _fitted(
     scale: NDArray[np.float64],
     volume: str,
 ) -> Tree:
-    """A hierarchy of a structure over triangles in tree order."""
+    """Return the hierarchy of a given structure over triangles in tree order."""
     nodes, centres, sizes = fit_tree(corners, faces, children, scale[0], VOLUMES[volume])
     kind = BoxTree if volume in BOXES else MeshTree
     tree = kind(nodes, centres, children, sizes, corners, scale)
@@ -171,31 +170,31 @@ def _fitted(
 def _scale(
     corners: NDArray[np.float64], revision: float, swept: float, deviation: float
 ) -> NDArray[np.float64]:
-    """The numbers of a hierarchy as a whole: see `MeshTree`."""
+    """Return the `scale` (6,) of a hierarchy: see `MeshTree`."""
     given = corners.view()
-    given.setflags(write=False)  # as in a tree: kernels need no second form
+    given.setflags(write=False)  # as in a tree, so that kernels are compiled only once
     _, largest, longest = measure(given, np.empty(3))
-    # The least power of two that is no smaller: dividing by it is exact. A rounded logarithm may be
-    # that of the power below. One for a model at the origin alone.
+    # The unit is the least power of two not below `largest`: dividing by it is exact. frexp is used
+    # because a rounded logarithm may give the power below. It is 1 if all is at the origin.
     share, power = math.frexp(largest)
     unit = math.ldexp(1.0, power - (share == 0.5)) if largest > 1e-300 else 1.0
     return np.array([unit, 1.0 / unit, longest, revision, swept, deviation])
 
 
 class TreeError(AssertionError):
-    """A hierarchy does not contain what it should."""
+    """A hierarchy fails a check of `check_tree`."""
 
 
 def check_tree(tree: Tree, volume: str = "rss") -> None:
-    """Prove that each volume contains its triangles and each triangle stands in exactly one leaf.
+    """Check that each volume holds its triangles and each triangle is in exactly one leaf.
 
     Args:
         tree: the hierarchy.
-        volume: a key of VOLUMES; a line swept sphere may not have a second edge, a point swept
-            sphere none at all.
+        volume: a key of VOLUMES. A line swept sphere may have one edge only, a point swept sphere
+            none.
 
     Raises:
-        TreeError: naming the node and the lane.
+        TreeError: a check fails; the message says which, and in which node and lane.
     """
     if isinstance(tree, BoxTree) != (volume in BOXES):
         raise TreeError(f"{type(tree).__name__}: its volumes are to be {volume!r}")
@@ -213,7 +212,7 @@ def check_tree(tree: Tree, volume: str = "rss") -> None:
 
 
 def _check_scale(tree: Tree) -> None:
-    """Node units and metres agree, and no corner is longer than the margins suppose."""
+    """Check that node units and metres agree, and that no corner exceeds the largest norm."""
     unit, inverse, longest = tree.scale[:3]
     if not (inverse * unit == 1.0 and np.abs(tree.triangles).max() <= unit):
         raise TreeError(f"scale: {unit} metres in a node unit, of which {inverse} in a metre")
@@ -223,7 +222,7 @@ def _check_scale(tree: Tree) -> None:
 
 
 def _check_node(tree: Tree, node: int, seen: NDArray[np.int64], edges: int) -> NDArray[np.int64]:
-    """Check one node and all below; returns the triangles (tree order) that it holds."""
+    """Check a node and all nodes below it; return the triangles (tree order) that it holds."""
     lanes = tree.nodes[node * STRIDE : (node + 1) * STRIDE].reshape(FIELDS, WIDTH)
     lanes = lanes.astype(np.float64)
     held = []
@@ -248,7 +247,7 @@ def _check_node(tree: Tree, node: int, seen: NDArray[np.int64], edges: int) -> N
 def _check_volume(
     tree: Tree, node: int, lane: int, volume: NDArray[np.float64], triangles: NDArray[np.int64]
 ) -> None:
-    """Every corner lies within the volume, and the volume within the reach."""
+    """Check that every corner lies in the volume, and the volume in the node's reach."""
     c = volume[0:3]
     corners = tree.triangles[triangles].reshape(-1, 3) / tree.scale[0]
     d = corners - (tree.centres[node, :3] + c)
@@ -261,16 +260,16 @@ def _check_volume(
 
 
 def _outside_swept(volume: NDArray[np.float64], d: NDArray[np.float64]) -> float:
-    """How far the farthest of points, given from the centre (n, 3), is beyond the radius."""
+    """Return how far points (n, 3), relative to the centre, are beyond the radius at most."""
     u, v, (radius, a, b) = volume[3:6], volume[6:9], volume[9:]
     s, t = np.clip(d @ u, -a, a), np.clip(d @ v, -b, b)
     return float(np.sqrt(((d - np.outer(s, u) - np.outer(t, v)) ** 2).sum(axis=1)).max() - radius)
 
 
 def _outside_box(volume: NDArray[np.float64], d: NDArray[np.float64]) -> float:
-    """How far the farthest of points, given from the centre (n, 3), is beyond a side.
+    """Return how far points (n, 3), relative to the centre, are beyond a side at most.
 
-    Rounding left the axes not quite perpendicular: coordinates are what a point is the sum of.
+    Rounding left the axes not quite perpendicular, so coordinates are found by solving a system.
     """
     u, v, (thickness, a, b) = volume[3:6], volume[6:9], volume[9:]
     coordinates = np.linalg.solve(np.stack((u, v, np.cross(u, v)), axis=1), d.T)
@@ -278,7 +277,7 @@ def _outside_box(volume: NDArray[np.float64], d: NDArray[np.float64]) -> float:
 
 
 def _check_core(tree: Tree, node: int, lane: int, volume: NDArray[np.float64], edges: int) -> None:
-    """The core is of its kind, and what is stored about it beside its shape is true of it."""
+    """Check that a core has the edges of its kind, perpendicular unit axes and the right size."""
     u, v = volume[3:6], volume[6:9]
     radius, a, b = volume[9:].tolist()
     if not (a >= 0.0 and b >= 0.0):
@@ -286,7 +285,7 @@ def _check_core(tree: Tree, node: int, lane: int, volume: NDArray[np.float64], e
     used = int(a > 0.0) + int(b > 0.0)
     if used > edges:
         raise TreeError(f"node {node} lane {lane}: a core of {used} edges, expected {edges}")
-    # As perpendicular and as long as SINGLE_MARGIN supposes.
+    # SINGLE_MARGIN assumes this for angles and lengths.
     gram = np.array((u, v)) @ np.array((u, v)).T
     if not np.abs(gram - np.eye(2)).max() <= 4.0 * SINGLE_EPS:
         raise TreeError(f"node {node} lane {lane}: its axes are not perpendicular units")

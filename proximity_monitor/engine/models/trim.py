@@ -1,4 +1,9 @@
-"""The trimming loops of a patch: checked, cut into segments with certified bands, put into rows."""
+"""The trimming loops of a patch: checked, cut into segments with certified bands, listed by rows.
+
+A segment is a stretch of a curve. Its band is how far it may be from its chord. A frame stands for
+curves along a side of the rectangle: segments outside it, at a distance of `_BEYOND`. A row is an
+interval of v, with the list of the segments that may be in it.
+"""
 
 from __future__ import annotations
 
@@ -21,11 +26,11 @@ if TYPE_CHECKING:
 Reals = NDArray[np.float64]
 
 SNAP = 1e-9
-"""Shares of the rectangle's extent: what is nearer to a side lies on it."""
+"""Control points nearer to a side than this share of the rectangle's extent are moved onto it."""
 _FLAT = 1e-3
-"""The band that a segment should not be wider than, a share of the rectangle's extent."""
+"""The widest band that a segment should have, as a share of the rectangle's extent."""
 _MOST_PARTS = 64
-"""A curve is cut into at most so many segments."""
+"""The most segments of a curve."""
 _MOST_ROWS = 256
 _BEYOND = 1.0
 """How far outside the unit square the frame lies."""
@@ -35,31 +40,33 @@ class TrimCurve(NamedTuple):
     """A rational Bezier curve in the parameters of a patch, of degree 1 to 15."""
 
     control: Reals
-    """(n, 2) u, v."""
+    """(n, 2) control points u, v."""
     weights: Reals | None = None
-    """(n,), all above 0; None: all 1."""
+    """(n,) above 0; None: all 1."""
 
 
 class Trim:
     """What is left of a patch: the parameters inside an odd number of closed loops, or on a loop.
 
     Args:
-        loops: closed sequences of curves: each begins where the one before it ends. A smaller gap
-            is closed by a straight line. Their (u, v) are the patch's own along an axis without
-            arcs; along one with arcs they are angles (see `arcs`).
-        low: (2,) the patch's rectangle.
-        high: (2,).
-        arcs: along which of both axes the patch is made of so many equal circular arcs, quadratic
-            and with weights 1, cos, 1, its knots the angles at their ends in radians; 0: of none.
+        loops: closed sequences of curves. Each curve begins where the one before it ends; a gap
+            between them is closed by a straight line. Coordinates u, v are the patch's parameters
+            along an axis without arcs, and angles along an axis with arcs (see `arcs`).
+        low: (2,) the lowest u and v of the patch.
+        high: (2,) the highest u and v of the patch.
+        arcs: (in u, in v) of how many equal circular arcs the patch is made along that axis; 0:
+            the axis has no arcs. Each arc, of angle t, is quadratic with weights 1, cos(t/2), 1.
+            The knots are the angles at the ends of the arcs, radians.
 
     Raises:
-        ModelError: no loops or curves, shapes that do not fit, a weight that is not above 0.
+        ModelError: the rectangle is empty; there are no loops; a curve has a wrong shape, a control
+            point that is not finite, or a weight that is not finite and above 0; nothing is left.
 
     Attributes:
-        whole: whether nothing is cut off: the patch needs no trim.
-        snapped: (2,) how far the loops were moved onto the rectangle's sides, in u and in v. Who
-            made them widens the model's deviation by what that is worth.
-        loops: the curves of each, as `Part` has them.
+        whole: whether nothing is cut off, so that the patch needs no trim.
+        snapped: (2,) how far the loops were moved onto the rectangle's sides, in u and in v. The
+            caller adds the distance in space that this may be to the model's deviation.
+        loops: for each loop its curves, as `Part`.
     """
 
     __slots__ = ("loops", "nets", "record", "segments", "snapped", "whole")
@@ -81,7 +88,7 @@ class Trim:
         self.record["low"], self.record["extent"], self.record["arcs"] = low, extent, arcs
         angles = extent / np.maximum(arcs, 1)
         self.record["tangent"] = np.where(np.asarray(arcs) > 0, np.tan(angles / 4.0), 1.0)
-        # Rounding a parameter, and what maps it, errs by a few u of the parameter itself.
+        # Rounding a parameter and mapping it err by a few u of the parameter itself.
         spread = 1.0 + float(((np.abs(low) + np.abs(high)) / extent).max())
         slack = 16.0 * DOUBLE_EPS * spread
         self.record["slack"] = slack
@@ -106,10 +113,10 @@ class Trim:
         self.whole = self._is_whole()
 
     def check(self, net: Net, name: str) -> None:
-        """Prove that it fits a patch.
+        """Check that the trim fits a patch.
 
         Raises:
-            ModelError: another rectangle; axes of arcs along which the patch has none.
+            ModelError: the patch has another rectangle, or other arcs along an axis.
         """
         for i, (letter, along) in enumerate(zip("uv", net.spans, strict=True)):
             low, high = float(along.low[0]), float(along.high[-1])
@@ -127,7 +134,7 @@ class Trim:
                 )
 
     def swapped(self) -> Self:
-        """The same of a patch whose u is v, and the other way round."""
+        """Return the trim of the patch with u and v exchanged."""
         made = object.__new__(type(self))
         made.record, made.segments = self.record.copy(), self.segments.copy()
         for name in ("low", "extent", "tangent", "arcs"):
@@ -140,11 +147,11 @@ class Trim:
         return made
 
     def digest(self) -> bytes:
-        """Of all that makes it up."""
+        """Return bytes that tell this trim from others."""
         return self.record.tobytes() + self.segments.tobytes() + self.nets.tobytes()
 
     def _in_unit_square(self, curve: TrimCurve, low: Reals, extent: Reals) -> Reals:
-        """The control points (n, 3) of a curve: x, y, w; those that are nearly there on sides."""
+        """Return control points (n, 3) x, y and w of a curve; those close to a side lie on it."""
         control = np.asarray(curve.control, dtype=np.float64)
         count = len(control)
         weights = np.ones(count) if curve.weights is None else np.asarray(curve.weights)
@@ -160,12 +167,13 @@ class Trim:
         return np.column_stack([np.where(near, sides, unit), weights])
 
     def _is_whole(self) -> bool:
-        """Whether all loops run along the sides, and around the middle."""
+        """Tell whether all loops run along the sides; raise ModelError if nothing is left then."""
         segments = self.segments
         if (segments["band"] >= 0.0).any():
             return False
         (_, ay), (bx, by) = segments["a"].T, segments["b"].T
-        crossed = ((ay <= 0.5) != (by <= 0.5)) & (bx > 0.5)  # sides: they pass left or right of it
+        # A segment of a frame passes the middle on its left or on its right.
+        crossed = ((ay <= 0.5) != (by <= 0.5)) & (bx > 0.5)
         if not int(crossed.sum()) % 2:
             raise ModelError("trim: nothing is left of the patch")
         return True
@@ -175,28 +183,28 @@ class Part(NamedTuple):
     """A curve of a loop, in the unit square. Control points are x w, y w and w."""
 
     rows: list[tuple]
-    """Its segments, all but where their net lies."""
+    """The segments, without the place of their net."""
     net: Reals
-    """(n, 3) its control points, or none where it lies along a side."""
+    """(n, 3) the control points; empty if the curve lies along a side."""
     outline: list[Reals]
-    """It, or where it lies along a side, the polyline outside that stands for it."""
+    """The curve or, if it lies along a side, the polyline outside that stands for it."""
     edge: Reals
-    """(n, 3) it, as it bounds what is left: along a side from end to end."""
+    """(n, 3) the curve as a boundary of what is left; along a side a line from end to end."""
 
     def swapped(self) -> Part:
-        """The same with y for x."""
+        """Return the part with x and y exchanged."""
         rows = [(a[::-1], b[::-1], *rest) for a, b, *rest in self.rows]
         net = _exchanged(self.net) if self.net.size else self.net
         return Part(rows, net, [_exchanged(each) for each in self.outline], _exchanged(self.edge))
 
 
 def _exchanged(points: Reals) -> Reals:
-    """Points (n, 3) with y for x."""
+    """Return points (n, 3) with x and y exchanged."""
     return np.ascontiguousarray(points[:, [1, 0, 2]])
 
 
 def _closed(curves: list[Reals], slack: float) -> list[Part]:
-    """The segments of a loop, whose ends are those of their neighbours to the last bit."""
+    """Return the parts of a loop, whose ends equal those of their neighbours to the last bit."""
     chain: list[Reals] = []
     for curve, following in zip(curves, [*curves[1:], curves[0]], strict=True):
         chain.append(curve)
@@ -219,20 +227,20 @@ def _closed(curves: list[Reals], slack: float) -> list[Part]:
 
 
 def _framed(curve: Reals) -> bool:
-    """Whether a curve runs along a side, or outside the rectangle altogether."""
+    """Tell whether a curve runs along a side or entirely beyond one."""
     points = curve[:, :2]
     return bool(((points <= 0.0).all(axis=0) | (points >= 1.0).all(axis=0)).any())
 
 
 def _pushed(point: tuple[float, float]) -> tuple[float, ...]:
-    """A point of a side, moved outward; one of a corner, away from both sides."""
+    """Return a point of a side moved outward; a corner is moved away from both sides."""
     return tuple(
         -_BEYOND if each <= 0.0 else 1.0 + _BEYOND if each >= 1.0 else each for each in point
     )
 
 
 def _frame(points: list[tuple[float, float]], edge: Reals) -> Part:
-    """A polyline outside the rectangle, whose curve nobody asks for."""
+    """Return the part of a polyline outside the rectangle, which needs no control points."""
     rows = [(a, b, FRAME, 0.0, 1.0, 1) for a, b in pairwise(points) if a != b]
     outline = [np.array([(*a, 1.0), (*b, 1.0)]) for a, b, *_ in rows]
     return Part(rows, np.zeros(0), outline, edge)
@@ -241,7 +249,7 @@ def _frame(points: list[tuple[float, float]], edge: Reals) -> Part:
 def _curved_part(
     curve: Reals, here: tuple[float, float], there: tuple[float, float], slack: float
 ) -> Part:
-    """A curve as segments whose bands are narrow, as far as few segments can make them so."""
+    """Cut a curve into segments with narrow bands, as far as `_MOST_PARTS` segments allow."""
     degree = len(curve) - 1
     net = np.column_stack([curve[:, :2] * curve[:, 2:], curve[:, 2]])
     count = 1
@@ -261,7 +269,7 @@ def _curved_part(
 
 
 def hull(curve: TrimCurve) -> Reals:
-    """(n, 2) points whose box holds a curve, and hardly more."""
+    """Return points (n, 2) whose bounding box holds a curve closely."""
     degree = len(curve.control) - 1
     if degree == 1:
         return curve.control
@@ -272,16 +280,17 @@ def hull(curve: TrimCurve) -> Reals:
 
 
 def stretch(control: Reals, begin: float, end: float) -> Reals:
-    """The control points (n, 2) of a stretch of a curve of points (n, 3): x w, y w and w."""
+    """Return control points (n, 2) of a stretch of a curve with points (n, 3): x w, y w and w."""
     degree = len(control) - 1
     points = np.array([_blossom(degree, begin, end, j) for j in range(degree + 1)]) @ control
     return points[:, :2] / points[:, 2:]
 
 
 def _bands(points: Reals, ends: Reals) -> Reals:
-    """(k,) How far the control points (k, n, 2) of segments are from their chords, at most.
+    """Return (k,) how far the control points (k, n, 2) of segments are from their chords at most.
 
-    What is as near to a chord is convex, so the curve is in it with its control points.
+    All points within a distance of a chord form a convex set, so it holds the curve if it holds
+    the control points.
     """
     a, d = ends[:-1, None], (ends[1:] - ends[:-1])[:, None]
     square = (d * d).sum(axis=-1)
@@ -292,7 +301,7 @@ def _bands(points: Reals, ends: Reals) -> Reals:
 
 @cache
 def _cutting(degree: int, count: int) -> Reals:
-    """(count, n, n) what makes a curve's control points those of its equal parts."""
+    """Return the matrices (count, n, n) from a curve's control points to those of equal parts."""
     made = np.empty((count, degree + 1, degree + 1))
     for part in range(count):
         for j in range(degree + 1):
@@ -302,7 +311,7 @@ def _cutting(degree: int, count: int) -> Reals:
 
 
 def _blossom(degree: int, begin: float, end: float, ends: int) -> Reals:
-    """(n,) the weights of control points in their polar form at `ends` times end, else begin."""
+    """Return (n,) the control points' weights in the blossom of `ends` times end, else begin."""
     rows = np.eye(degree + 1)
     for step in range(degree):
         t = end if step < ends else begin
@@ -311,7 +320,7 @@ def _blossom(degree: int, begin: float, end: float, ends: int) -> Reals:
 
 
 def joined(trims: Sequence[Trim | None]) -> Trims:
-    """The trims of a model's patches, as the kernels see them; None: the patch is whole."""
+    """Return the trims of a model's patches as the kernels see them; None: the patch is whole."""
     records = np.zeros(len(trims), TRIM)
     rows: list[NDArray[np.int32]] = [np.zeros(1, np.int32)]
     entries, segments, nets = [], [], []
@@ -346,7 +355,7 @@ def joined(trims: Sequence[Trim | None]) -> Trims:
 def _in_rows(
     segments: NDArray[np.void], slack: float
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Where the list of each row begins (rows + 1,), and the lists: indices of segments."""
+    """Return where the list of each row begins (rows + 1,), and the lists of segment indices."""
     reach = np.maximum(segments["band"], 0.0) + 2.0 * slack
     low = np.minimum(segments["a"][:, 1], segments["b"][:, 1]) - reach
     high = np.maximum(segments["a"][:, 1], segments["b"][:, 1]) + reach

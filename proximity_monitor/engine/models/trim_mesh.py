@@ -1,4 +1,4 @@
-"""Triangles over what a trim leaves of a patch, to be shown."""
+"""Triangles that show what a trim leaves of a patch."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from .trim import Trim
 
 Reals = NDArray[np.float64]
 _THIN = 1e-9
-"""Thinner bands, as a share of the patch's v, are not shown."""
+"""Bands thinner than this share of the patch's range of v are not shown."""
 
 
 def trimmed_grid(trim: Trim, u: Reals, v: Reals) -> tuple[Reals, NDArray[np.int64]]:
-    """Triangles in the parameters of a patch, as small as the steps of a grid.
+    """Return triangles in the parameters of a patch, no larger than the steps of a grid.
 
-    The patch is cut into bands of v in which no segment of a loop begins or ends, these between the
-    segments that cross them, and the pieces along the grid's lines of u. Segments
+    The patch is cut into bands of v in which no segment of a loop begins or ends. Each band is cut
+    at the segments that cross it, and the parts that are left at the grid's lines of u. Segments
     count as their chords.
 
     Args:
-        trim: of the patch.
-        u: (n,) the grid's parameters, ascending, both ends of the patch's rectangle among them.
-        v: (m,) the same.
+        trim: the trim of the patch.
+        u: (n,) the grid's parameters, ascending, with both ends of the patch's rectangle.
+        v: (m,) the same in v.
 
     Returns:
         Parameters (k, 2), and triangles (j, 3) of their indices.
@@ -35,9 +35,9 @@ def trimmed_grid(trim: Trim, u: Reals, v: Reals) -> tuple[Reals, NDArray[np.int6
     points, faces, start = [], [], 0
     for low, high in pairwise(levels):
         if high - low <= _THIN * (v[-1] - v[0]):
-            continue  # a fan over nothing would be seen as the cap of an arc
+            continue  # the triangles of such a band would show as the cap of an arc
         for left, right in _between(begins, ends, low, high, u[0], u[-1]):
-            # The same lines of u at both ends: lines askew would fold the triangles of a thin band.
+            # Take the same u at both ends: oblique lines would fold the triangles of a thin band.
             lines = u[(u > left.min()) & (u < right.max())]
             lines = np.concatenate([[left.min()], lines, [right.max()]])
             rows = np.clip(lines, left[:, None], right[:, None])
@@ -45,7 +45,7 @@ def trimmed_grid(trim: Trim, u: Reals, v: Reals) -> tuple[Reals, NDArray[np.int6
             points.append(np.column_stack([rows.ravel(), np.repeat([low, high], count)]))
             a = start + np.arange(count - 1)
             b = a + count
-            widths = np.diff(rows, axis=1) > 0.0  # where a row is cut off, its triangles vanish
+            widths = np.diff(rows, axis=1) > 0.0  # triangles of width 0 are left out
             faces.append(np.column_stack([a, a + 1, b + 1])[widths[0]])
             faces.append(np.column_stack([a, b + 1, b])[widths[1]])
             start += 2 * count
@@ -57,7 +57,10 @@ def trimmed_grid(trim: Trim, u: Reals, v: Reals) -> tuple[Reals, NDArray[np.int6
 def _between(
     begins: Reals, ends: Reals, low: float, high: float, least: float, most: float
 ) -> list[tuple[Reals, Reals]]:
-    """What is left of a band of v: pairs of u at its lower and upper end, of either side."""
+    """Return what is left of a band of v: for each part the u of its left and of its right border.
+
+    A border is (2,): u at the band's lower and upper end.
+    """
     below, above = np.minimum(begins[:, 1], ends[:, 1]), np.maximum(begins[:, 1], ends[:, 1])
     crossing = np.flatnonzero((below <= low) & (above >= high))
     rise = (ends[crossing] - begins[crossing]).T
@@ -72,7 +75,7 @@ def _between(
 
 
 def _parameters(trim: Trim, points: Reals) -> Reals:
-    """Points (n, 2) of the unit square as parameters of the patch; the frame stays outside."""
+    """Return parameters of the patch from points (n, 2) of the unit square or outside of it."""
     made = np.empty_like(points)
     for axis in range(2):
         share, arcs = points[:, axis], int(trim.record["arcs"][axis])

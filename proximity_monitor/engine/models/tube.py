@@ -1,4 +1,4 @@
-"""Whether a profile is of one circle, as a sphere's and a torus's are, and how large that is."""
+"""Recognise a profile that is one circle, as of a sphere or a torus, and measure the circle."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ if TYPE_CHECKING:
     from .profile import Profile
 
 _ALIKE = 1e-11
-"""Share of a circle's radius within which its points are as far from its centre."""
+"""How far points of a circle may be from it, as a share of its radius."""
 _ROUNDED = 16.0 * DOUBLE_EPS
-"""The same as a share of the profile's size, which rounding moves points by."""
+"""How far rounding moves points of it, as a share of the profile's size."""
 
 _FEWEST = 3
-"""Pieces of a loop that is looked at: through as many joints there is one circle."""
+"""The fewest pieces of a loop that is examined: three joints define a circle."""
 
 _NONE = 0.0, 0.0, 0.0
 
 
 def tube_of(profile: Profile) -> tuple[float, float, float]:
-    """The z of the centre, a radius that all of a profile is within, and the rho of the centre.
+    """Return z of a circle's centre, a radius within which the whole profile lies, and the rho.
 
-    That of a half circle about a point of the axis, or of a loop that is a circle; of any other
-    profile all are 0. The profile's points are C / w, with w and the coordinates of C in
-    Bernstein's basis; so are |C|² and w², with C seen from the centre. The largest quotient of two
-    coefficients of these is no less than the square of the distance of any point.
+    All are metres. The profile must be a half circle about a point of the axis (rho is 0) or a
+    circle that is a loop. For any other profile all three are 0. A point of the profile is C / w,
+    with C relative to the centre. |C|² and w² are polynomials in Bernstein's basis. The largest
+    quotient of their coefficients bounds the squared distance of every point from the centre.
     """
     if (circle := _circle(profile)) is None:
         return _NONE
@@ -50,19 +50,19 @@ def tube_of(profile: Profile) -> tuple[float, float, float]:
     if not most - least <= 2.0 * alike:
         return _NONE
     # Let X be the largest |C| / w. Each coefficient of |C|² is a mean of products of control points
-    # and weights, and adds up no more than 2 X² times that of w². Subtracting the centre moves a
-    # control point by 3 u size w at most, hence a coefficient by 6 u size X (w²), twice; and the
-    # products, sums and quotients err by less than 4 (degree + 4) u of it, and w² by as much of
-    # itself. Here is more than twice as much.
+    # and weights; its terms add up to at most 2 X² times the coefficient of w². Subtracting the
+    # centre moves a control point by at most 3 u size w, hence a coefficient by 6 u size X (w²),
+    # twice. The products, sums and quotients err by less than 4 (degree + 4) u of the coefficient,
+    # and w² by as much of itself. `spare` is more than twice all this.
     count = 16 * (max(own.shape[1] for own in profile.pieces) + 4)
     spare = count * DOUBLE_EPS * 2.0 * largest * (largest + profile.size)
     return height, math.sqrt(most + spare), rho
 
 
 def _circle(profile: Profile) -> tuple[float, float, float] | None:
-    """The rho and z of a centre and the radius of a circle that may be a profile's.
+    """Return rho and z of the centre and the radius of the circle that a profile may be, metres.
 
-    Of others it is None as a rule, and soon: they deform at frame rate.
+    For most other profiles this is None, and found quickly: profiles may deform at frame rate.
     """
     first, last = profile.pieces[0], profile.pieces[-1]
     if not profile.closed:
@@ -73,7 +73,7 @@ def _circle(profile: Profile) -> tuple[float, float, float] | None:
         points = joints[:, :2] / joints[:, 2:]
         if len(points) < _FEWEST:
             return None
-        # The circle through three of them: where all differences' bisectors meet.
+        # The circle through three joints: its centre is where the bisectors of two chords meet.
         one, other = points[len(points) // 3] - points[0], points[2 * len(points) // 3] - points[0]
         area = 2.0 * float(one[0] * other[1] - one[1] * other[0])
         if area == 0.0:
@@ -92,12 +92,12 @@ def _circle(profile: Profile) -> tuple[float, float, float] | None:
 
 
 def _alike(profile: Profile, radius: float) -> float:
-    """By how much the squares of distances from the centre may differ from a circle's, metres²."""
+    """Return by how much squared distances from the centre may differ from radius², metres²."""
     return 2.0 * radius * (_ALIKE * radius + _ROUNDED * profile.size)
 
 
 def _squared(rows: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The squares of polynomials (n, degree + 1) in Bernstein's basis, (n, 2 degree + 1)."""
+    """Return the squares (n, 2 degree + 1) of polynomials (n, degree + 1), in Bernstein's basis."""
     weights = _binomials(rows.shape[1] - 1)
     scaled = rows * weights
     made = np.zeros((len(rows), 2 * rows.shape[1] - 1))
