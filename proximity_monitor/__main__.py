@@ -43,7 +43,7 @@ or, on a machine with ROS 2 Jazzy, source it first, and:
 _SCENES = "bundled scenes:"
 
 _ROUNDED = 1e-13
-"""Share of a model's size up to which its deviation is what rounding does to any coordinates."""
+"""A deviation of at most this fraction of the model's size is called rounding."""
 
 _LISTED = 100
 """How many pairs `scene check` prints one by one."""
@@ -52,7 +52,7 @@ _LISTED = 100
 class _WithScenes(argparse.HelpFormatter):
     """Lists the bundled scenes in the epilog.
 
-    Only the help that is shown is formatted, so no other command reads their files.
+    argparse formats only the help that it shows, so no other command reads the scene files.
     """
 
     def _fill_text(self, text: str, width: int, indent: str) -> str:
@@ -75,10 +75,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line.
 
     Returns:
-        The exit code: 130 after a Ctrl-C while Python still imports, because a later one ends a
-        command in good order; 2, by `SystemExit`, for a wrong command line.
+        The exit code. It is 130 after a Ctrl-C that the command does not handle itself, as while
+        Python still imports. A wrong command line raises `SystemExit` with code 2.
     """
-    cut: list[FrameType | None] = []  # what was interrupted, if anything was
+    cut: list[FrameType | None] = []  # the interrupted frames, kept alive: see `_leave`
 
     def interrupt(_: int, frame: FrameType | None) -> None:
         if not cut:
@@ -99,7 +99,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         return 130
     except Exception as error:
-        # Numba's compiler and readers of files take an interrupt for a fault in their input.
+        # Numba's compiler and the file readers report an interrupt as an error in their input.
         if cut:
             return 130
         if isinstance(error, chosen.told):
@@ -112,9 +112,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _leave(kept: list[FrameType | None]) -> None:
-    """End an interrupted process while the frames that it cut are kept.
+    """End an interrupted process while the interrupted frames (`kept`) still exist.
 
-    A module that LLVM was just linking would be freed twice: see `leave_with` in ending.py.
+    Otherwise a module that LLVM was linking would be freed twice: see `leave_with` in ending.py.
     """
     leave_now(130)
 
@@ -124,7 +124,7 @@ def _run(chosen: argparse.Namespace) -> int:
         return chosen.run(chosen)
     except ImportError as error:
         if error.name is None or error.name.startswith("proximity_monitor"):
-            raise  # our own fault, which no installation mends
+            raise  # a bug of this package, which no installation mends
         print(chosen.install.format(error=error), file=sys.stderr)
         return 1
 
@@ -219,7 +219,7 @@ def _demo(chosen: argparse.Namespace) -> int:
 def _display(chosen: argparse.Namespace) -> int:
     from proximity_monitor.display.run import main
 
-    # A parameter's value is YAML: in quotes whatever is given stays a text.
+    # ROS reads a parameter's value as YAML; the quotes keep every host a string.
     parameters = "-p", f"host:={json.dumps(chosen.host)}", "-p", f"port:={chosen.port}"
     return leave_with(main(["--ros-args", *parameters]))
 

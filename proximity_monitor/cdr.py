@@ -1,8 +1,8 @@
-"""Messages as bytes: plain CDR (XCDR1), as the OMG's DDS-XTYPES 1.3, section 7.4, has it.
+"""Reads and writes messages as bytes: plain CDR (XCDR1; OMG DDS-XTYPES 1.3, section 7.4).
 
-rclpy makes Python objects of everything in a message before a callback sees it: 20 µs for the pose
-of a `geometry_msgs/PoseStamped`, 10 ms for 190 pairs, seconds for a million points. Most of a
-message is numbers and texts, which are read here from its bytes, and written as bytes.
+rclpy converts a whole message to Python objects before it calls a callback. That takes 20 µs for
+the pose of a `geometry_msgs/PoseStamped`, 10 ms for 190 pairs, seconds for a million points. Most
+of a message is numbers and texts. This module reads them from the bytes and writes them as bytes.
 """
 
 from __future__ import annotations
@@ -11,33 +11,33 @@ import struct
 
 import numpy as np
 
-_ENCAPSULATION = 4  # bytes before the body: kind and options; alignment counts from their end
+_ENCAPSULATION = 4  # header bytes (kind, options); alignment counts from the end of the header
 _ORDERS = {b"\x00\x00": ">", b"\x00\x01": "<"}
 _COUNT = {order: struct.Struct(f"{order}I") for order in "<>"}
 _STAMP = {order: struct.Struct(f"{order}iI") for order in "<>"}
 _HEAD = struct.Struct("<4siI")
 _CUT = "the message ends too early"
 _PADDING = (b"\0\0\0\0", b"\0\0\0", b"\0\0", b"\0")
-"""By a text's length modulo 4: the zero that ends it, and zeros up to the next multiple of 4."""
+"""Index: a text's length modulo 4. Each entry is the final zero, then zeros to a multiple of 4."""
 
 
 def is_plain(data: bytes) -> bool:
-    """Whether a message is plain CDR; another middleware may choose another serialisation."""
+    """Return whether a message is plain CDR; some middleware uses another serialisation."""
     return data[:2] in _ORDERS
 
 
 def stamped(seconds: int, nanoseconds: int) -> bytes:
-    """The beginning of a little-endian message whose first field is a time stamp."""
+    """Return the beginning of a little-endian message whose first field is a time stamp."""
     return _HEAD.pack(b"\x00\x01\x00\x00", seconds, nanoseconds)
 
 
 def count(number: int) -> bytes:
-    """A little-endian uint32, such as how many elements follow."""
+    """Return a little-endian uint32, such as the number of elements that follow."""
     return _COUNT["<"].pack(number)
 
 
 def text(value: str) -> bytes:
-    """A little-endian string at a multiple of 4 bytes, filled up to the next multiple."""
+    """Return a little-endian string for a multiple of 4 bytes, padded to the next multiple."""
     encoded = value.encode()
     length = len(encoded)
     return _COUNT["<"].pack(length + 1) + encoded + _PADDING[length % 4]
@@ -68,7 +68,7 @@ class Reader:
         self._count = _COUNT[order].unpack_from
 
     def align(self, size: int) -> None:
-        """Go on to where a value of `size` bytes may stand."""
+        """Move on to the next position at which a value of `size` bytes may stand."""
         self.at += (_ENCAPSULATION - self.at) % size
 
     def byte(self) -> int:
@@ -84,7 +84,7 @@ class Reader:
             raise ValueError(_CUT) from error
 
     def count(self) -> int:
-        """Read a uint32: a number, or how many elements follow.
+        """Read a uint32: a number, or the number of elements that follow.
 
         Raises:
             ValueError: the message ends before it.
@@ -130,7 +130,7 @@ class Reader:
         return found
 
     def doubles(self, count: int) -> tuple[float, ...]:
-        """Read `count` float64, few of them: faster than an array.
+        """Read `count` float64 values; faster than `array` for a few.
 
         Raises:
             ValueError: the message ends before them.
@@ -162,10 +162,10 @@ class Reader:
 
 
 def as_octahedral(normals: np.ndarray) -> np.ndarray:
-    """Return unit vectors (n, 3) as points (n, 2) of the square from -1 to 1; 0 as (2, 2).
+    """Return unit vectors (n, 3) as points (n, 2) of the square from -1 to 1; (2, 2) for vector 0.
 
-    The sphere is projected onto an octahedron, whose lower half is folded over the upper one's
-    corners (Cigolle et al. 2014).
+    The sphere is projected onto an octahedron, and the octahedron onto the square: the upper half
+    onto the inner diamond, the lower half folded out to the corners (Cigolle et al. 2014).
     """
     size = np.abs(normals).sum(axis=1)
     flat = normals / np.where(size > 0.0, size, 1.0)[:, None]
@@ -177,7 +177,7 @@ def as_octahedral(normals: np.ndarray) -> np.ndarray:
 
 
 def from_octahedral(points: np.ndarray) -> np.ndarray:
-    """Return the unit vectors (n, 3) of `as_octahedral`; 0 for what lies outside of the square."""
+    """Invert `as_octahedral`: return unit vectors (n, 3); 0 for points outside the square."""
     x, y = np.asarray(points, dtype=np.float64).T
     z = 1.0 - np.abs(x) - np.abs(y)
     fold = np.maximum(-z, 0.0)

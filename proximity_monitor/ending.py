@@ -1,4 +1,4 @@
-"""How a program ends: in good order, and with a word where its output cannot be written."""
+"""Ends a program cleanly, and reports when its output cannot be written."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from contextlib import contextmanager, suppress
 
 
 def leave_with(code: int) -> int:
-    """Have the process end without destroying what is left; returns the exit code that it gets.
+    """Make the process end without destroying any objects; return its exit code, `code`.
 
-    The libraries of middleware and compiler still have threads and objects of each other when they
-    are unloaded: of a thousand processes that had done all their work about one crashed there.
+    When the libraries of the middleware and the compiler are unloaded, they still have threads and
+    objects of each other. About one in a thousand processes crashed there, after all its work.
 
-    And Python handles a signal that comes during a call into LLVM when that call returns, before
-    llvmlite has noted what it did. A module that was linked into another is then freed twice: the
-    process crashes when the frame that holds it goes. So a cut frame is kept until the end, and
-    with it those that called it.
+    The second reason is LLVM. Python handles a signal that comes during a call into LLVM when the
+    call returns, before llvmlite has recorded what the call did. If the call linked one module into
+    another, the linked module is then freed twice: the process crashes when the frame that holds it
+    is destroyed. Hence an interrupted frame and its callers are kept until the end.
     """
-    atexit.register(leave_now, code)  # called first of all, when the threads have ended
+    atexit.register(leave_now, code)  # runs before all earlier handlers, after the threads ended
     return code
 
 
 def leave_now(code: int) -> None:
-    """End the process here, without destroying anything; with 1 where output is lost."""
+    """End the process here, without destroying anything; with code 1 if output is lost."""
     try:
         for stream in filter(None, (sys.stdout, sys.stderr)):
             stream.flush()
@@ -38,12 +38,12 @@ def leave_now(code: int) -> None:
 
 @contextmanager
 def checked_output(name: str) -> Iterator[None]:
-    """End the program where its standard output cannot be written, as on a full disk.
+    """End the program if its standard output cannot be written, as on a full disk.
 
-    One line on the standard error says so, with the program's name, and the exit code is 1. Where
-    the reader has gone, as `head` does, there is no line: that is no fault.
+    One line on standard error then names the program and the reason, and the exit code is 1. If
+    the reader of a pipe has gone, as `head` does, no line is written, because that is no fault.
 
-    What is raised is SystemExit, which no handler of errors in files takes for one of its own.
+    The program ends by SystemExit, which no handler of file errors catches by mistake.
     """
     before = sys.stdout
     if before is not None and before is sys.__stdout__:  # else it is captured, or checked already
@@ -63,7 +63,7 @@ def checked_output(name: str) -> Iterator[None]:
 
 
 class _Output(io.FileIO):
-    """The standard output of a program of that name."""
+    """A program's standard output, which ends the program when a write fails."""
 
     def __init__(self, program: str, descriptor: int) -> None:
         super().__init__(descriptor, "w", closefd=False)
@@ -77,7 +77,7 @@ class _Output(io.FileIO):
         except OSError as error:
             if not self._failed:
                 self._failed = True
-                leave_with(1)  # Python itself would try again, and complain
+                leave_with(1)  # a normal exit would try to write again, and complain
                 if error.errno != errno.EPIPE:
                     told = f"{self._program}: the output cannot be written: {error.strerror}\n"
                     with suppress(OSError):

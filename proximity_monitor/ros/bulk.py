@@ -1,7 +1,8 @@
-"""Poses read from the bytes of their messages, where rclpy would make Python objects of them.
+"""Reads poses from the bytes of their messages, without rclpy's Python objects.
 
-It takes some 20 µs for the pose of a `geometry_msgs/PoseStamped`, 4 ms for the 1,000 of a
-`geometry_msgs/PoseArray`. What is not plain CDR, as another middleware may choose, rclpy reads.
+rclpy takes some 20 µs for the pose of a `geometry_msgs/PoseStamped`, and 4 ms for 1,000 poses of a
+`geometry_msgs/PoseArray`. It still reads messages that are not plain CDR, which another middleware
+may choose.
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ def read_pose(data: bytes) -> StampedPose:
     """Read a serialised PoseStamped.
 
     Raises:
-        ValueError: it is none.
+        ValueError: the data is no PoseStamped.
     """
     if not cdr.is_plain(data):
         message = _deserialised(data, PoseStamped)
@@ -68,7 +69,7 @@ def read_pose_array(data: bytes) -> Poses:
     """Read a serialised PoseArray.
 
     Raises:
-        ValueError: it is none.
+        ValueError: the data is no PoseArray.
     """
     if not cdr.is_plain(data):
         return _read_slowly(data)

@@ -1,10 +1,10 @@
 """Bodies that are point clouds: each message on a body's topic replaces the whole body.
 
-An arriving message is only kept; the next tick reads the latest one and builds its model, so a
-flood of messages costs one model a tick. Points that are not finite, which sensors send where they
-see nothing, are left out and counted. A cloud without points says that there is nothing: while it
-is fresh, the body is absent and its pairs are clear. A cloud whose points are all not finite may
-come from a covered sensor: it is refused.
+An arriving message is only kept. The next tick reads the latest message and builds its model, so a
+flood of messages costs one model per tick. Points that are not finite, which sensors send if they
+see nothing, are left out and counted. A cloud without points says that nothing is there: while it
+is fresh, the body is absent and its pairs are clear. A cloud without any finite point is refused,
+because it may come from a covered sensor.
 """
 
 from __future__ import annotations
@@ -50,9 +50,9 @@ class CloudBodies:
         Args:
             node: creates the subscriptions.
             bodies: all of the scene.
-            frame: the fixed frame; clouds that name no body's frame have to be in it.
-            inputs: keeps how fresh the clouds are.
-            incompatible: counts publishers that do not fit.
+            frame: the fixed frame; clouds that name no body's frame must be in it.
+            inputs: keeps the stamps of the clouds.
+            incompatible: counts publishers whose quality of service does not fit.
             replace: takes a body's name and its new model.
         """
         self._node = node
@@ -92,7 +92,7 @@ class CloudBodies:
                 self._inputs.refuse(reason)
 
     def place(self, samples: Samples, silent: Mapping[str, str]) -> None:
-        """Put each cloud where its frame is; `samples` are the poses of the other bodies."""
+        """Add each cloud's pose, the pose of its frame, to `samples`, the other bodies' poses."""
         for name, body in self._clouds.items():
             sample = self._here
             if frame := body.cloud.frame:
@@ -105,7 +105,7 @@ class CloudBodies:
         return frozenset(self._empty - silent.keys())
 
     def _take(self, name: str, data: bytes, now_ns: int) -> str | None:
-        """Build a body, or return why not."""
+        """Build a body from a message; return why the message is refused, or None."""
         try:
             message = deserialize_message(data, PointCloud2)
             points = read_points(message)

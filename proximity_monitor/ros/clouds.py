@@ -11,11 +11,11 @@ _KINDS = {PointField.FLOAT32: "f4", PointField.FLOAT64: "f8"}
 
 
 def control_topic(body: str, control_name: str) -> str:
-    """Return the topic that a body's control points come on.
+    """Return the topic of a body's control points.
 
     Args:
-        body: its name.
-        control_name: that of its model, as `engine.Model` has it.
+        body: the body's name.
+        control_name: the `control_name` of its model.
     """
     return f"bodies/{safe(body)}/{'vertices' if control_name == 'vertices' else 'control'}"
 
@@ -24,7 +24,7 @@ def read_points(message: PointCloud2) -> np.ndarray:
     """Return the points of a cloud, (n, 3) float64, row by row; other fields are skipped.
 
     Raises:
-        ValueError: there are no fields x, y and z of float32 or float64, or less data than the
+        ValueError: the cloud has no fields x, y and z of float32 or float64, or less data than the
             message claims.
     """
     order = ">" if message.is_bigendian else "<"

@@ -40,18 +40,18 @@ LIVE_PERIOD_S = 0.25
 PLAIN_PERIOD_S = 1.0
 
 READ_PERIOD_S = 0.05
-"""Seconds between two results that are read; the others are only counted. A monitor may publish at
-1 kHz, and Python takes a tenth of a millisecond to unpack a few pairs."""
+"""Least time between two results that are read, seconds; others are only counted. A monitor may
+publish at 1 kHz, and Python takes a tenth of a millisecond to unpack a few pairs."""
 
 ROWS = 20
-"""How many pairs are listed if no terminal's height says how many."""
+"""How many pairs are listed if the output is no terminal, whose height would decide."""
 
 MANY = 10
-"""From this number of moving bodies on, one message carries all poses: a process takes in some
-3,000 messages a second, whatever is in them."""
+"""From this number of moving bodies on, one message carries all poses, because a process receives
+some 3,000 messages a second, whatever they contain."""
 
 FIRST_S = 20.0
-"""For how many seconds a demo that is to end by itself waits for its first picture."""
+"""How long a demo with a time limit waits for its first picture, seconds."""
 
 
 class View(Node):
@@ -100,9 +100,9 @@ def run(scene: str, *, seconds: float | None = None, speed: float = 1.0, page: b
 
     Args:
         scene: a scene file with a motion, or the name of a bundled one.
-        seconds: how long from the first picture on; None: until SIGINT or SIGTERM.
+        seconds: how long to run after the first picture; None: until SIGINT or SIGTERM.
         speed: seconds of motion in a second.
-        page: whether the page in the browser is served, too.
+        page: whether the page in the browser is served as well.
 
     Returns:
         The exit code: 1 if the scene cannot be used, the motion failed, or the monitor published
@@ -135,7 +135,7 @@ def run(scene: str, *, seconds: float | None = None, speed: float = 1.0, page: b
         monitor, player = nodes
         view = _view(picture, console, stack)
         started, allowed = time.monotonic(), math.inf if seconds is None else seconds
-        watched: float | None = None  # since when there is a picture
+        watched: float | None = None  # the time of the first picture
         played = False
 
         def over() -> bool:
@@ -150,10 +150,10 @@ def run(scene: str, *, seconds: float | None = None, speed: float = 1.0, page: b
             try:
                 spin([player], stop, lambda: over() or player.finished)
                 played = not player.fault
-            finally:  # the watch ends as well, be it by an error, which the thread prints
+            finally:  # end the watch as well, also after an error, which the thread prints
                 ended = True
 
-        # In a thread of its own: a motion that is computed with effort must not hold up the watch.
+        # In its own thread, because a motion that takes long to compute must not delay the watch.
         playing = Thread(target=play)
         playing.start()
         try:
@@ -173,7 +173,7 @@ def run(scene: str, *, seconds: float | None = None, speed: float = 1.0, page: b
 
 
 def _progress() -> compiling.Progress:
-    """Print the progress of compiling while this is entered."""
+    """Return a context that prints the progress of compiling."""
     said = ""
 
     def tell(progress: compiling.Progress) -> None:
@@ -186,7 +186,7 @@ def _progress() -> compiling.Progress:
 
 
 def _start(scene: Scene, moves: motion.Motion, speed: float, stack: ExitStack) -> list[Node]:
-    """Start monitor and player; they log only what stops them, as the view shows the rest."""
+    """Start and return monitor and player; they log fatal errors only: the view shows the rest."""
     for name in ("proximity_monitor", "proximity_player"):
         set_logger_level(name, LoggingSeverity.FATAL)
     moving = {body.name for body in scene.bodies if body.topic is not None}
@@ -211,7 +211,7 @@ def _start(scene: Scene, moves: motion.Motion, speed: float, stack: ExitStack) -
 
 
 def _serve_page(console: Console, stack: ExitStack) -> None:
-    """Start the page; a console's own print goes well with a live table."""
+    """Start the page; its lines go through the console, which keeps the live table intact."""
 
     def say(line: str) -> None:
         console.print(line, markup=False, highlight=False, soft_wrap=True)

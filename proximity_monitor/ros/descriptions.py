@@ -1,4 +1,4 @@
-"""Robot descriptions from topics, as `robot_state_publisher` latches them."""
+"""Receives robot descriptions from topics, as `robot_state_publisher` latches them."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from proximity_monitor.ros.qos import LATCHED
 from proximity_monitor.ros.spin import POLL_S, asked_to_stop
 
 _AGAIN_S = 10.0
-"""Seconds between two messages that a description has not come."""
+"""Seconds between two warnings that a description has not arrived."""
 
 
 class Descriptions:
-    """The descriptions that a scene asks for; changes of them are reported."""
+    """The descriptions that a scene asks for; it warns if one of them changes."""
 
     def __init__(self, node: Node) -> None:
-        """Begin without any; `node` gives subscriptions and its log."""
+        """Begin without descriptions; `node` gives subscriptions and its log."""
         self._node = node
         self._subscriptions: dict[str, Subscription] = {}
         self._texts: dict[str, str] = {}
 
     def wait(self, topic: str) -> str:
-        """Return the description on a topic, and wait until there is one.
+        """Wait for the description on a topic, and return it.
 
         Raises:
             KeyboardInterrupt: a signal asked the program to stop meanwhile.
@@ -39,7 +39,7 @@ class Descriptions:
         while topic not in self._texts:
             if asked_to_stop():
                 raise KeyboardInterrupt
-            # Taken by hand, because the node's executor may be waiting right here, in a transition.
+            # Take the message here: the node's executor may itself be waiting in this transition.
             handle = self._subscriptions[topic].handle
             with handle:
                 taken = handle.take_message(String, False)

@@ -1,11 +1,15 @@
 """The node's own state for /diagnostics: four statuses, each with a line about what is wrong.
 
-``<node>: clearance`` is an error while a pair is at stop, a warning while one is at warn or stale;
-``<node>: schedule`` a warning when ticks overran since the last message, or the node is paused or
-not active; ``<node>: inputs`` a warning while a body is silent, an unknown one is published, or
-messages were refused since the last message; ``<node>: outputs`` a warning when a peer came whose
-quality of service does not fit, or while another node has the same name. Counts run from the time
-the node was configured.
+- ``<node>: clearance`` is an error if a pair is at stop, and a warning if a pair is at warn or
+  stale, or if there was no tick yet.
+- ``<node>: schedule`` is a warning if ticks overran since the last message, or if the node is
+  paused or not active.
+- ``<node>: inputs`` is a warning if a body is silent, an unknown body is published, an attachment
+  waits, or messages were refused since the last message.
+- ``<node>: outputs`` is a warning if a peer came whose quality of service does not fit, or if
+  another node has the same name.
+
+Counts run from the time when the node was configured.
 """
 
 from __future__ import annotations
@@ -29,8 +33,8 @@ WINDOW_S = 10.0
 """Seconds of ticks that percentiles and the achieved rate cover."""
 
 OVERRUN_S = 0.001
-"""Seconds by which a search may pass its budget before that counts: a slice of a search takes well
-under a millisecond, so more is a real overrun or a machine that is too busy."""
+"""Seconds by which a search may exceed its budget before it counts as an overrun. A slice of a
+search takes well under a millisecond, so more is a real overrun or a machine that is too busy."""
 
 NAMED = 10
 """How many bodies are named in the line about what is wrong."""
@@ -54,7 +58,7 @@ class Timing:
         self.period_overruns += whole_s > period_s
 
     def forget_window(self) -> None:
-        """Drop the window but not the counts: no ticks were wanted for a while."""
+        """Drop the window but not the counts, for example after a pause."""
         self._ticks.clear()
 
     def values(self) -> dict[str, str]:
@@ -84,9 +88,9 @@ class NodeState(NamedTuple):
     """Pairs of the scene."""
     inputs: Inputs
     silent: Mapping[str, str]
-    """Why bodies are not to be relied on, by name."""
+    """Why bodies are unreliable, by name."""
     refused_joints: Mapping[str, int]
-    """By reason."""
+    """How many joint messages were refused or noted, by reason."""
     held: Mapping[str, str]
     """The parent by attached body."""
     waiting: Mapping[str, str]
@@ -96,11 +100,11 @@ class NodeState(NamedTuple):
     alerts_left_out: int
     """Alerts that were not published because one tick had too many."""
     distance_ticks: int
-    """Ticks that somebody wanted distances of."""
+    """Ticks for which distances were wanted."""
     incompatible: Mapping[str, int]
     """Peers whose quality of service does not fit, by topic."""
     unseen: Unseen
-    """Pairs that cannot see one body inside the other."""
+    """Pairs that cannot detect one body inside the other."""
     namesakes: int
     """Other nodes of the same name."""
     dropped: Mapping[str, int]
@@ -111,7 +115,7 @@ class NodeState(NamedTuple):
 
 @dataclass
 class Health:
-    """Makes the diagnostics, and remembers what they said last."""
+    """Makes the diagnostics, and remembers the counts of the last message."""
 
     node: str
     hardware_id: str
@@ -239,7 +243,7 @@ class Health:
 
 
 def _some(names: Sequence[str]) -> str:
-    """The first names of a list that may be too long for a line."""
+    """Return the first names of a list that may be too long for a line."""
     more = len(names) - NAMED
     return ", ".join(names[:NAMED]) + (f" and {more} more" if more > 0 else "")
 

@@ -2,8 +2,8 @@
 
 A body's state depends on its inputs: its pose, and the control points or the cloud that its shape
 comes from, if any. Each input remembers the stamp of its last good message. That message stays in
-force, and the body is silent once the stamp is older than the timeout, so a source that sends
-garbage is treated like one that fell silent.
+force, and the body is silent once the stamp is older than the timeout. So a source that sends bad
+messages is treated like a source that fell silent.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from proximity_monitor.scene.schema import bounds
 from proximity_monitor.scene.state import NO_POSE_YET, NO_RECENT_POSE, PoseSample
 
 FUTURE_TOLERANCE_S = 0.1
-"""How far ahead of the node's clock a stamp may be. Synchronised clocks differ by less. A stamp
-that is further ahead would hide for just as long that its source fell silent."""
+"""How far ahead of the node's clock a stamp may be. Synchronised clocks differ by less. If a source
+fell silent, a stamp that is further ahead would hide that for just as long."""
 
 _, FURTHEST = bounds("coordinate")
-"""Metres from the origin. Beyond this, float64 rounds by more than a ten-thousandth of a mm."""
+"""Largest coordinate, metres. Beyond it, float64 rounds by more than a ten-thousandth of a mm."""
 
 RIGID = 1e-6
-"""How far each entry of R'R may be from the identity's: half of what the engine refuses."""
+"""How far each entry of R'R may be from the identity's: half of the limit of the engine."""
 
 
 class Reason:
@@ -66,10 +66,10 @@ class Inputs:
         """Begin without any message.
 
         Args:
-            bodies: whose poses arrive.
+            bodies: the bodies whose poses arrive.
             frame: the only frame that poses may be in.
-            roots: robots whose root link moves. Its poses are kept like a body's; those of the
-                links follow from them.
+            roots: robots whose root link moves. The root's poses are kept like a body's; the poses
+                of the links follow from them.
         """
         self.names = tuple(bodies)
         """The moving bodies, in the order of bulk messages."""
@@ -80,8 +80,8 @@ class Inputs:
         self._round: frozenset[str] = frozenset()
         self._awaited: set[str] = set()
         self.woken = False
-        """Whether a body that rested has moved since the round began, by a pose of a topic of its
-        own."""
+        """Whether a body that rested has moved since the round began. Only poses that arrive for
+        one body alone count, not those of arrays or joints."""
         self.attached: frozenset[str] = frozenset()
         """Bodies whose own poses do not count now."""
         self.strangers: list[str] = []
@@ -94,7 +94,7 @@ class Inputs:
 
         Args:
             name: a moving body of the scene, or a robot whose root moves.
-            pose: as it arrived.
+            pose: the pose as it arrived.
             now_ns: nanoseconds of the node's clock.
         """
         last = self._last[name]
@@ -120,10 +120,10 @@ class Inputs:
         """Keep the poses of all moving bodies at one moment; return how many were good.
 
         Args:
-            positions: (n, 3) in the order of `names`; with another n nothing is kept.
+            positions: (n, 3) in the order of `names`; if n differs, nothing is kept.
             quaternions: (n, 4) x, y, z, w.
-            stamp_ns: of all of them.
-            frame: of all of them.
+            stamp_ns: the stamp of all poses.
+            frame: the frame of all poses.
             now_ns: nanoseconds of the node's clock.
         """
         if len(positions) != len(self.names):
@@ -149,8 +149,8 @@ class Inputs:
         Args:
             names: k moving bodies of the scene.
             poses: (k, 4, 4) model to world in metres; kept as they are, so they must not change.
-            stamp_ns: of all of them.
-            frame: of all of them.
+            stamp_ns: the stamp of all poses.
+            frame: the frame of all poses.
             now_ns: nanoseconds of the node's clock.
         """
         rotations, positions = poses[:, :3, :3], poses[:, :3, 3]
@@ -170,7 +170,7 @@ class Inputs:
         self.rejected[reason] += 1
 
     def expect_shapes(self, shapes: Mapping[str, str]) -> None:
-        """Wait for shapes: by body whose shape arrives how it does, such as "vertices"."""
+        """Wait for shapes; `shapes` gives by body how its shape arrives, such as "vertices"."""
         self._shapes = {name: (Input(), what) for name, what in shapes.items()}
 
     def judge_shape(self, name: str, stamp_ns: int, now_ns: int) -> str | None:
@@ -184,18 +184,18 @@ class Inputs:
         self._shapes[name][0].stamp_ns = stamp_ns
 
     def forget(self) -> None:
-        """Forget all stamps and poses: the clock went back, so none can be compared with them."""
+        """Forget all stamps and poses: the clock went back, so new stamps cannot be compared."""
         for last in self._last.values():
             last.forget()
         for heard, _ in self._shapes.values():
             heard.forget()
 
     def forget_pose(self, name: str) -> None:
-        """Forget a body's pose: whatever comes next is newer."""
+        """Forget a body's pose, so that the next pose counts whatever its stamp."""
         self._last[name].forget()
 
     def place(self, name: str, pose: np.ndarray, stamp_ns: int) -> None:
-        """Put a body where it was carried to, when it is detached."""
+        """Give a body that is being detached the pose to which it was carried."""
         last = self._last[name]
         last.forget()
         last.keep(pose, stamp_ns)
@@ -216,10 +216,10 @@ class Inputs:
         return None if last.pose is None else (last.pose, last.stamp_ns)
 
     def silent(self, samples: Mapping[str, PoseSample | None], now_ns: int) -> dict[str, str]:
-        """Return the reason by silent body.
+        """Return, for each silent body, the reason.
 
         Args:
-            samples: the poses of the bodies, carried ones included.
+            samples: the poses of the bodies, including carried bodies.
             now_ns: nanoseconds of the node's clock.
         """
         found = {
@@ -228,7 +228,7 @@ class Inputs:
             if at is None or at.stale
         }
         for name, (heard, what) in self._shapes.items():
-            # A body that takes no poses lacks its shape.
+            # The pose's reason goes first, unless the body (a cloud) receives no poses.
             first = name not in found or name not in self._last
             if first and heard.late(now_ns, self.timeout_s):
                 found[name] = f"no {what} yet" if heard.stamp_ns is None else f"no recent {what}"
@@ -241,12 +241,12 @@ class Inputs:
         self.renew()
 
     def renew(self) -> None:
-        """Wait for the poses of all bodies of the round once more."""
+        """Wait once more for new poses of all bodies of the round."""
         self._awaited = set(self._round)
 
     @property
     def complete(self) -> bool:
-        """Whether no body of the round is waited for any more."""
+        """Whether all bodies of the round have new poses."""
         return not self._awaited
 
     def stamp_ns(self, name: str) -> int | None:
@@ -258,24 +258,25 @@ class Inputs:
         return self._shapes[name][0].stamp_ns if name in self._shapes else None
 
     def course(self, name: str) -> Course | None:
-        """Return a moving body's last two poses; None without two recent ones."""
+        """Return a moving body's last two poses; None if it has no two recent poses."""
         last = self._last[name]
         seconds = last.seconds(self.timeout_s)
         return None if seconds is None else Course(last.before, last.pose, seconds)
 
     def together(self, a: str, b: str) -> tuple[np.ndarray, np.ndarray, float]:
-        """Return the last poses (4, 4) of two bodies at one moment, as far as they are known.
+        """Return the last poses (4, 4) of two bodies at one moment, if they are known.
 
-        The moment is the stamp of the older pose. The other body's pose then is the one that it has
-        had since, or on the screw motion between those of its last two stamps.
+        The moment is the earlier one of the two last stamps. At this moment, the body with the
+        later stamp either had the pose that it still has, or a pose on the screw motion between the
+        poses of its last two stamps.
 
         Args:
             a: a body whose pose is known.
-            b: another one.
+            b: another such body.
 
         Returns:
-            Both poses, and by how many seconds they are apart: more than 0 where it is not known
-            where the other body was at the moment, and the last poses of both are returned.
+            Both poses, and the seconds between their stamps. These are 0, unless a pose at the
+            moment is not known; then the last poses of both bodies are returned.
         """
         one, other = self._last[a], self._last[b]
         moment_ns = min(one.stamp_ns, other.stamp_ns)
@@ -285,9 +286,10 @@ class Inputs:
         return at[0], at[1], 0.0
 
     def note_strangers(self, publishers: Iterable[tuple[str, bytes]]) -> list[str]:
-        """Take the present publishers of pose topics that no body of the scene listens to.
+        """Take the present publishers of pose topics that belong to no body of the scene.
 
-        The node does not subscribe to such topics, so it counts publishers, each when it comes.
+        The node does not subscribe to such topics. So it counts publishers instead of messages, and
+        each publisher once, when it appears.
 
         Args:
             publishers: the body that the topic names, and the publisher's identity in the
@@ -312,7 +314,7 @@ class Inputs:
         frame: str,
         now_ns: int,
     ) -> int:
-        """Keep the good poses of one moment; count the reasons of others not yet counted."""
+        """Keep the good poses of one moment, count refusals, and return how many were kept."""
         if reason := self._judge_header(frame, stamp_ns, now_ns):
             self.rejected[reason] += int(good.sum())
             return 0
@@ -327,7 +329,7 @@ class Inputs:
         return len(kept)
 
     def _count(self, tests: Iterable[tuple[str, np.ndarray]]) -> np.ndarray:
-        """Count each failure by the first test that fails; return what passes all tests."""
+        """Count each failure by the first test that fails; return a mask of what passes all."""
         good = True
         for reason, passed in tests:
             self.rejected[reason] += int((good & ~passed).sum())

@@ -1,10 +1,10 @@
 """Joint input: turns joint positions from topics into poses of robots' links.
 
-A message is checked as it arrives, and taken or refused and counted as a whole. It need not name
+A message is checked as it arrives. It is taken as a whole, or refused and counted. It need not name
 all joints: the others keep their last positions. A link's pose is as old as the oldest position
-that it depends on, so a gripper that fell silent is stale although its arm goes on. If the robot's
-root moves, the links depend on its pose as well. Names of joints that no robot on the topic has are
-counted and skipped.
+that it depends on, so a gripper that fell silent is stale although its arm still reports. If the
+robot's root moves, the links depend on its pose as well. Joint names that no robot on the topic has
+are counted and skipped.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ POSITIONS = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 Best effort accepts reliable publishers, too."""
 
 _NAMED = 20
-"""Names of unknown joints that are told of, of one message."""
+"""How many unknown joints of one message are logged by name."""
 
 _MOST_TOLD = 10_000
-"""Names of joints that are remembered as told: with more, no others are told of."""
+"""How many joint names are remembered as logged; after that, no more unknown joints are logged."""
 
 Store = Callable[[Sequence[str], np.ndarray, int, str, int], object]
 """Takes poses of bodies: names, (n, 4, 4) poses, stamp in ns, frame, the node's time in ns."""
@@ -40,7 +40,7 @@ RootPose = Callable[[str], tuple[np.ndarray, int] | None]
 
 
 class JointReason:
-    """The reasons by which messages are counted; all but UNKNOWN and LIMIT refuse the message."""
+    """The reasons by which messages are counted; UNKNOWN and LIMIT do not refuse the message."""
 
     LENGTH = "joint names and positions differ in number"
     TWICE = "joint named twice"
@@ -70,11 +70,11 @@ class _Joints:
         self.stamps: dict[str, int] = {}
 
     def missing(self) -> list[str]:
-        """The joints without any position yet."""
+        """Return the joints without any position yet."""
         return [name for name in self._free if name not in self.positions]
 
     def late(self, names: Sequence[str], stamp_ns: int) -> bool:
-        """Whether one of the joints has a newer position already."""
+        """Return whether one of the joints has a newer position already."""
         return any(self.stamps.get(name, stamp_ns) > stamp_ns for name in names)
 
     def take(self, positions: dict[str, float], stamp_ns: int) -> bool:
@@ -87,15 +87,15 @@ class _Joints:
         return beyond
 
     def first(self, names: Iterable[str]) -> list[str]:
-        """The bodies that hang on one of these joints, if it has the file's position until now."""
+        """Return the bodies that depend on a named joint which had no position by message yet."""
         new = (self._free.keys() & set(names)) - self.stamps.keys()
         return [body for body, drivers in self._drivers.items() if drivers & new] if new else []
 
     def by_stamp(self, stamp_ns: int, root_ns: int | None) -> dict[int, list[str]]:
-        """The bodies whose poses are known, by the oldest stamp that their poses depend on.
+        """Return the bodies whose poses are known, by the oldest stamp that their poses depend on.
 
-        The scene file's positions do not age: a pose that depends on nothing else has the message's
-        stamp.
+        The scene file's positions do not age: a pose that depends only on them has the message's
+        stamp, `stamp_ns`.
         """
         found: dict[int, list[str]] = {}
         for body, drivers in self._drivers.items():
@@ -111,7 +111,7 @@ class JointInputs:
     """Subscriptions to the joint states of a scene's robots.
 
     Attributes:
-        rejected: how many messages were refused or remarkable, by `JointReason`.
+        rejected: how many messages were refused or noted, by `JointReason`.
     """
 
     def __init__(
@@ -131,9 +131,9 @@ class JointInputs:
             scene: may have no robots.
             store: called with the poses of a message's robots; counts what it refuses.
             frame: fixed frame of the poses; None: the scene's.
-            root: gives the poses of moving roots; `follow` must be called when there is a new one.
-            forget: called with a body whose next pose may have an earlier stamp than the last: that
-                was by the scene file's position of a joint.
+            root: gives the poses of moving roots; `follow` must be called when there is a new pose.
+            forget: called with a body whose next pose may have an earlier stamp than its last pose,
+                which used the scene file's position of a joint.
         """
         self.rejected: Counter[str] = Counter({reason: 0 for reason in JointReason.ALL})
         self._node = node
@@ -145,7 +145,7 @@ class JointInputs:
         self._now_ns = 0
         self._by_topic: dict[str, list[_Joints]] = {}
         for robot in scene.robots:
-            full = node.resolve_topic_name(robot.topic)  # "/a" and "a" may be one
+            full = node.resolve_topic_name(robot.topic)  # "/a" and "a" may be one topic
             self._by_topic.setdefault(full, []).append(_Joints(robot))
         self._subscriptions = [
             node.create_subscription(
@@ -163,11 +163,11 @@ class JointInputs:
             self._node.destroy_subscription(subscription)
 
     def missing(self) -> list[str]:
-        """Return the joints whose position is neither in the scene file nor arrived yet."""
+        """Return the joints whose position is not in the scene file and has not arrived yet."""
         return [name for each in self._all() for name in each.missing()]
 
     def follow(self, name: str) -> None:
-        """Let the links of a robot follow a new pose of its root."""
+        """Move the links of a robot after a new pose of its root."""
         now_ns = self._now()
         for each in self._all():
             if each.robot.name == name:
@@ -204,7 +204,7 @@ class JointInputs:
             self._place(each, stamp_ns, now_ns)
 
     def _place(self, each: _Joints, stamp_ns: int, now_ns: int) -> None:
-        """Store those poses of a robot's links that are known."""
+        """Store the poses of a robot's links, as far as they are known."""
         for name in each.missing():
             self._warn(name, "has no position yet, neither in the scene file nor in a message")
         base = root_ns = None
@@ -228,14 +228,14 @@ class JointInputs:
         self._told.update(new[:_MOST_TOLD])
 
     def _warn(self, name: str, why: str) -> None:
-        """Once for each joint: messages come by the hundred."""
+        """Log a warning about a joint, once, because messages come by the hundred."""
         if name not in self._told:
             self._told.add(name)
             self._node.get_logger().warning(f"joint '{name}' {why}")
 
 
 def _judge(message: JointState, robots: list[_Joints], stamp_ns: int, now_ns: int) -> str | None:
-    """Why a message is refused, or None. `store` judges its age."""
+    """Return why a message is refused, or None. `store` judges its age."""
     names, positions = message.name, message.position
     if len(names) != len(positions):
         return JointReason.LENGTH

@@ -1,4 +1,4 @@
-"""What is kept of one input: its last good pose, and how old that is."""
+"""Keeps the last good pose of one input, and its age."""
 
 from __future__ import annotations
 
@@ -22,16 +22,21 @@ class Input:
         self.stamp_ns: int | None = None
 
     def out_of_order(self, stamp_ns: int) -> bool:
-        """Return whether a stamp is earlier than the last."""
+        """Return whether a stamp is earlier than the last one."""
         return self.stamp_ns is not None and stamp_ns < self.stamp_ns
 
     def late(self, now_ns: int, timeout_s: float) -> bool:
-        """Return whether the last message is older than this, or there is none."""
+        """Return whether the last message is older than `timeout_s`, or there is none."""
         return self.stamp_ns is None or (now_ns - self.stamp_ns) * 1e-9 > timeout_s
 
 
 class Last(Input):
-    """The last good pose of one body, and the one before it with another stamp."""
+    """The last good pose of one body, and the pose before it with another stamp.
+
+    `pose` is the last pose with the stamp `stamp_ns`, and `first` the first pose with it. The body
+    has had the pose `first` since the stamp `since_ns`. `before` is the first pose with the stamp
+    before, `before_ns`.
+    """
 
     __slots__ = ("before", "before_ns", "first", "pose", "since_ns")
 
@@ -48,14 +53,14 @@ class Last(Input):
         """Take a pose (4, 4), which must not change any more.
 
         Returns:
-            Whether the body had the same pose at two stamps or more before, and has another now.
+            Whether the body wakes: it had one pose at two stamps or more, and has another pose now.
         """
         same = self.first is not None and self.first.tobytes() == pose.tobytes()
         wakes = self.pose is not None and self.since_ns < self.stamp_ns and not same
         if stamp_ns != self.stamp_ns:
-            # A link's stamp is the oldest of all that its pose depends on, so other joints may move
-            # while it stays the same. The first pose of a stamp belongs to that moment; a later one
-            # would hide motion.
+            # A link's stamp is the oldest stamp that its pose depends on, so other joints may move
+            # the link while its stamp stays the same. Only the first pose with a stamp belongs to
+            # that moment; a later pose would hide motion.
             self.before, self.before_ns = self.first, self.stamp_ns
             self.first = pose
             if not same:
@@ -66,8 +71,8 @@ class Last(Input):
     def seconds(self, timeout_s: float) -> float | None:
         """Return the time between its last two stamps.
 
-        None: there are no two, or they are more than `timeout_s` apart, and nobody knows how it
-        moved between them.
+        None: there are no two stamps, or they are more than `timeout_s` apart, so that the motion
+        between them is not known.
         """
         if self.before is None:
             return None
@@ -82,8 +87,8 @@ class Last(Input):
             timeout_s: see `seconds`.
         """
         if stamp_ns >= self.since_ns:
-            # It had this pose at stamps on both sides of the moment, so it rested, however far they
-            # are apart. Of moments outside rest says nothing: it may have moved there.
+            # The body had this pose at stamps on both sides of the moment, so it rested, however
+            # far apart the stamps are. This says nothing about earlier moments.
             return self.first
         if self.before is None or stamp_ns < self.before_ns or self.seconds(timeout_s) is None:
             return None

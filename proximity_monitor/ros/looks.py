@@ -1,4 +1,4 @@
-"""What bodies look like: the triangles that ~/parts shows, and normals where they are curved."""
+"""The looks of bodies: the triangles that ~/parts shows, and normals for curved bodies."""
 
 from __future__ import annotations
 
@@ -11,27 +11,27 @@ from proximity_monitor import engine
 from proximity_monitor.cdr import as_octahedral
 
 ROUNDNESS = 0.005
-"""How far the triangles that show a body may be from its surface, in radii of the body."""
+"""How far the triangles may be from the body's surface, as a fraction of the body's radius."""
 
 
 class Look(NamedTuple):
     """The triangles of a body."""
 
     corners: np.ndarray
-    """(3 n, 3) of the triangles, metres, model frame."""
+    """(3 n, 3) the corners of the n triangles, metres, model frame."""
     normals: np.ndarray
-    """(3 n, 2) the surface's normals there as `cdr.as_octahedral`; (0, 2) where all is flat."""
+    """(3 n, 2) the surface's normals there, as `cdr.as_octahedral`; (0, 2) if the body is flat."""
     solid: bool
     """Whether the body has an inside."""
     off: float
-    """Metres: how far the triangles are at most from what the body stands for; inf: not known."""
+    """Largest distance of the triangles from the part the body stands for, metres; inf: unknown."""
 
 
 class Looks:
-    """Looks by model: one that several bodies share, or that keeps its shape, is drawn once."""
+    """Looks by model; a model is drawn once for all its bodies, and again if its shape changes."""
 
     def __init__(self) -> None:
-        """Begin without any."""
+        """Begin without looks."""
         self._kept: WeakKeyDictionary[engine.Model, tuple[int, Look]] = WeakKeyDictionary()
 
     def of(self, model: engine.Model) -> Look:

@@ -1,10 +1,10 @@
 """Markers for viewers, each tick: distance lines, closest points and labels.
 
-Each marker costs some 40 µs on either side, so all lines are one marker and all points another,
-coloured by the level of each pair; labels are only drawn for pairs that are not clear and for the
-nearest few. Ids are stable. A label that is no longer wanted is deleted alone: deleting everything
-at once would flicker. A monitor that dies leaves no picture behind that looks current: the markers'
-lifetime is a second, or three ticks if that is longer.
+Each marker costs some 40 µs on either side. So all lines are one marker and all points another,
+coloured by the level of each pair, and only pairs that are not clear and the nearest few get
+labels. Ids are stable. A label that is no longer wanted is deleted alone, because deleting
+everything at once would flicker. The markers live for a second, or for three ticks if that is
+longer, so a monitor that dies leaves no picture behind that looks current.
 
 Everything is in the fixed frame and stamped with its tick.
 """
@@ -25,11 +25,11 @@ from proximity_monitor.scene.alerts import Level
 from proximity_monitor.scene.state import PairState, PairStatus
 
 NEAREST = 3
-"""How many pairs are labelled even when all are clear."""
+"""How many of the nearest pairs are labelled even if all are clear."""
 
 LABELS = 50
-"""How many pairs are labelled at most, the nearest of those that are not clear: more would not
-help, and each label costs as much as all lines together."""
+"""How many of the nearest pairs that are not clear are labelled. More labels would not help, and
+each costs as much as all lines together."""
 
 COLOURS = {
     Level.CLEAR: ColorRGBA(r=0.16, g=0.63, b=0.40, a=1.0),
@@ -60,9 +60,9 @@ class ClearanceMarkers:
         """Return the markers of a tick; pairs without a pose have none.
 
         Args:
-            pairs: those that the tick lists.
-            levels: by index in the scene, which is also the id of a pair's label.
-            stamp: of the tick.
+            pairs: the pairs that the tick lists.
+            levels: by the pair's index in the scene, which is also the id of its label.
+            stamp: the tick's stamp.
         """
         shown = [pair for pair in pairs if pair.status is not PairStatus.UNKNOWN]
         nearest = sorted(shown, key=lambda pair: pair.lower)

@@ -1,33 +1,33 @@
 """Results as messages: points in the fixed frame, lengths in metres.
 
-``~/closest_points`` is a `diagnostic_msgs/DiagnosticArray` with one `DiagnosticStatus` a pair, the
-only type in common_interfaces that carries named values for each of many named things, and that
-``ros2 topic echo`` and every diagnostics viewer show readably. It lists the pairs that the tick
-lists: a pair with a range is left out while it is certainly farther apart.
+``~/closest_points`` is a `diagnostic_msgs/DiagnosticArray` with one `DiagnosticStatus` per pair. No
+other type in common_interfaces has named values for each of many named things and is shown readably
+by ``ros2 topic echo`` and every diagnostics viewer. The message has the pairs that the tick lists:
+a pair with a range is left out while it is certainly farther apart.
 
 ====================  ==================================================================
-``header.stamp``      the tick; ``header.frame_id`` the fixed frame
+``header.stamp``      the tick's stamp; ``header.frame_id``: the fixed frame
 ``name``              ``piston_1 - block``: the names of bodies A and B
 ``level``             OK, WARN, ERROR or STALE for clear, warn, stop or stale
-``message``           the clearance in the scene's unit and what it is: ``0.0254 mm exact``
+``message``           the clearance in the scene's unit and its status: ``0.0254 mm exact``
 ``hardware_id``       the fixed frame
 ``point_a, point_b``  the closest points ``x y z``, the first on A; the upper bound's witnesses
 ``lower_m, upper_m``  certified bounds, every digit of the float64
-``status``            exact, within tolerance, bounded, intersecting, unknown pose
+``status``            exact, within tolerance, bounded, intersecting, overlapping, unknown pose
 ``state``             clear, warn, stop or stale
-``stamp``             the older stamp of the two bodies' poses: the moment that is spoken of
-``age_s``             seconds since the numbers answered the present poses; 0 while they do
-``direction``         unit vector from A's point to B's; empty where they coincide
-``feature_a, _b``     of a pair at warn or stop, where its points lie on the models: on what kind
-                      of element, which one, and where on it; on a mesh ``edge 12 0.5 0.5 0``: the
-                      triangle, and the barycentric weights of its corners; on a surface
-                      ``patch 4 1 0.8``: the patch, u and v
-``session_min_m``     the smallest upper bound since the last reset: surely reached
-``session_min_lower_m``  the smallest lower bound since then: at no tick could it be nearer
+``stamp``             the older stamp of the two bodies' poses: the moment of the numbers
+``age_s``             seconds since the last search; 0 if the numbers answer the present poses
+``direction``         unit vector from A's point to B's; empty if the points coincide
+``feature_a, _b``     for a pair at warn or stop, the places of its points on the models: kind of
+                      element, its index, and the point's parameters on it. On a mesh
+                      ``edge 12 0.5 0.5 0``: the triangle, and the barycentric weights of its
+                      corners. On a surface ``patch 4 1 0.8``: the patch, u and v
+``session_min_m``     the smallest upper bound since the last reset: the pair was that near
+``session_min_lower_m``  the smallest lower bound since then: at no tick was the pair nearer
 ====================  ==================================================================
 
-Values of a pair without a pose are ``nan``; its points and direction are empty. A custom message
-would be lighter, and would tie every consumer to building this package.
+If a body has no pose, the pair's values are ``nan``, and its points and direction are empty. A
+custom message would be smaller, but every consumer would have to build this package.
 """
 
 from __future__ import annotations
@@ -62,9 +62,9 @@ def pair_name(a: str, b: str) -> str:
 def clearance_text(
     pair: PairState, unit: Unit, silent: Mapping[str, str] = MappingProxyType({})
 ) -> str:
-    """Return a pair's clearance for people: one number if it is known, else both bounds.
+    """Return a pair's clearance as text: one number if it is known, else both bounds.
 
-    `silent` gives the reason by silent body.
+    `silent` gives the reason for each silent body.
     """
     if pair.status is PairStatus.UNKNOWN:
         return silence(pair.silent, silent, NO_POSE_YET)
@@ -90,13 +90,13 @@ def closest_points(
     rclpy takes some 5 µs for each of a pair's dozen values, ten times as long as writing its bytes.
 
     Args:
-        pairs: those that the tick lists.
-        levels: by index in the scene.
-        stamp: of the tick.
+        pairs: the pairs that the tick lists.
+        levels: by the pair's index in the scene.
+        stamp: the tick's stamp.
         frame: the fixed frame.
         unit: for the texts.
-        pose_stamp_ns: the stamp of a body's pose, by name.
-        silent: the reason by silent body.
+        pose_stamp_ns: returns the stamp of a body's pose, by name.
+        silent: the reason for each silent body.
     """
     hardware_id = cdr.text(frame)
     head = cdr.stamped(stamp.sec, stamp.nanosec)
@@ -123,7 +123,7 @@ def alert(change: Alert, *, stamp: Time, frame: str) -> DiagnosticStatus:
     """Return one change of level; the message says why, in the scene's unit.
 
     Its values: ``old`` and ``new`` level; ``lower_m`` and ``upper_m``; ``reason``; ``stamp`` of the
-    tick; ``body`` and ``escape``, the unit vector in the fixed frame by which that body gets away;
+    tick; ``body`` and ``escape``, the unit vector in the fixed frame along which it gets away;
     ``closing_m_s``, negative if the bodies part; ``seconds_left`` at that speed until stop, or
     until contact if the pair is at stop. Unknown values are empty or ``nan``.
     """

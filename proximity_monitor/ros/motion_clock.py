@@ -1,4 +1,4 @@
-"""Which moment of a motion it is: speed and moment can change while it runs."""
+"""Keeps the moment of a motion; its speed and moment can change while it runs."""
 
 from __future__ import annotations
 
@@ -6,9 +6,10 @@ import json
 
 
 class MotionClock:
-    """Seconds of motion by a node's clock, in nanoseconds.
+    """Converts the time of a node's clock, in nanoseconds, to the moment of the motion, in seconds.
 
-    Such a clock is at 0 until its first time comes, as with `use_sim_time`; the motion waits.
+    A node's clock may be at 0 until its first time comes, as with `use_sim_time`. The motion waits
+    until then.
     """
 
     def __init__(self, speed: float, seek_s: float) -> None:
@@ -18,7 +19,7 @@ class MotionClock:
         self.speed = speed
 
     def read(self, now_ns: int) -> float:
-        """Return the moment; a node's clock that went back begins the motion again."""
+        """Return the moment; if the node's clock went back, the motion begins again."""
         if self._from_ns is None or now_ns < self._from_ns:
             self.seek(now_ns, self._begin_s)
         return self._from_s + (now_ns - (self._from_ns or now_ns)) * 1e-9 * self.speed
@@ -29,16 +30,16 @@ class MotionClock:
         self.speed = speed
 
     def seek(self, now_ns: int, moment_s: float) -> None:
-        """Go on from another moment, where the motion begins from now on, too."""
+        """Go on from another moment, at which the motion also begins from now on."""
         self._begin_s = self._from_s = moment_s
         self._from_ns = now_ns or None
 
     def told(self, now_ns: int, period_s: float | None, repeats: bool) -> str:
-        """Return what others need to know the moment at any later time: JSON for ``~/motion``.
+        """Return JSON for ``~/motion``, which gives the moment at any later time.
 
-        ``moment_s`` seconds of motion at the node's time ``stamp_s``, ``speed`` of them a second
-        from then on, ``period_s`` after which it repeats or rests, null if it does neither, and
-        whether it ``repeats``.
+        ``moment_s`` is the moment at the node's time ``stamp_s``, and ``speed`` the seconds of
+        motion per second from then on. ``period_s`` is the time after which the motion repeats or
+        rests, null if it does neither, and ``repeats`` says whether it repeats.
         """
         self.read(now_ns)
         stamp_s = (self._from_ns or now_ns) * 1e-9

@@ -30,7 +30,7 @@ Transition = Callable[["ProximityMonitor", LifecycleState], TransitionCallbackRe
 
 
 def _told(transition: Transition) -> Transition:
-    """Log what went wrong in a transition; rclpy itself drops the exception without a word."""
+    """Make a transition log its exceptions; rclpy itself drops them silently."""
 
     @wraps(transition)
     def run(self: ProximityMonitor, state: LifecycleState) -> TransitionCallbackReturn:
@@ -39,7 +39,7 @@ def _told(transition: Transition) -> Transition:
         except (
             OSError,
             ValueError,
-        ) as error:  # a scene, a model or a parameter that the user has to mend
+        ) as error:  # the user has to mend a scene, a model or a parameter
             self.get_logger().fatal(str(error))
             return TransitionCallbackReturn.FAILURE
         except Exception:
@@ -59,8 +59,8 @@ class ProximityMonitor(LifecycleNode):
             node_options: for `rclpy.node.Node`, such as parameter_overrides.
 
         Raises:
-            rclpy.exceptions.ParameterException: a parameter given at start is of another type or no
-                legal value.
+            rclpy.exceptions.ParameterException: a parameter given at start has the wrong type or an
+                illegal value.
         """
         super().__init__("proximity_monitor", **node_options)
         self._session: Session | None = None
@@ -185,7 +185,7 @@ class ProximityMonitor(LifecycleNode):
 
 
 class _ToLog(logging.Handler):
-    """Passes the engine's log, such as that it compiles, to a node's own."""
+    """Passes the engine's log messages, such as that it compiles, to a node's log."""
 
     def __init__(self, node: ProximityMonitor) -> None:
         super().__init__(logging.WARNING)

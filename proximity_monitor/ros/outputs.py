@@ -1,4 +1,4 @@
-"""The monitor's publishers. Nothing is built for a topic that nobody listens to."""
+"""The monitor's publishers. Nothing is built for a topic without subscribers."""
 
 from __future__ import annotations
 
@@ -32,17 +32,17 @@ from proximity_monitor.scene.alerts import Alert, Level
 from proximity_monitor.scene.state import PoseSample, Tick, as_arrays
 
 KEPT_ALERTS = 1000
-"""How many alerts are kept for slow or late subscribers. No more of one tick are published, the
-most urgent ones, because no subscriber could hold them."""
+"""How many alerts are kept for slow or late subscribers. A tick publishes at most this many, the
+most urgent, because no subscriber could hold more."""
 
 LAST_WORD_S = 0.5
-"""How long to wait until subscribers have the last state, before its publishers go."""
+"""How long to wait until subscribers have the last state, before its publishers are destroyed."""
 
 _URGENCY = (Level.STOP, Level.STALE, Level.WARN, Level.CLEAR)
 
 
 class Outputs:
-    """Publishes what a tick found."""
+    """Publishes the results of ticks."""
 
     def __init__(
         self,
@@ -51,11 +51,11 @@ class Outputs:
         settings: Settings,
         incompatible: Incompatible,
     ) -> None:
-        """Create the publishers; `show` describes the bodies' looks."""
+        """Create the publishers; `show` must follow before anything is published."""
         self._node = node
         self._scene = scene
         self._frame = settings.frame
-        # Every pair may change at one moment, twice before a slow subscriber reads; a late
+        # All pairs may change at once, and twice before a slow subscriber reads. A late
         # subscriber still gets the last changes.
         alerts = QoSProfile(
             depth=min(2 * len(scene.pairs), KEPT_ALERTS),
@@ -99,7 +99,7 @@ class Outputs:
         self._settings = settings
 
     def show(self, models: Mapping[str, engine.Model]) -> None:
-        """Take the models of all bodies by name; before that nothing can be published."""
+        """Take the models of all bodies by name; nothing can be published before."""
         self._models = models
         self._scene_message = SceneMessage(self._scene, models, self._node.resolve_topic_name)
         size = max(2.0 * model.radius for model in models.values())
@@ -113,7 +113,7 @@ class Outputs:
         self._marks.live(max(1.0, 3.0 / settings.rate_hz))
 
     def check_demand(self) -> bool:
-        """Note who listens, for the next `publish`; return whether anybody wants distances."""
+        """Note the subscribers, for the next `publish`; return whether any want distances."""
         self._points_wanted = self._closest.get_subscription_count() > 0
         self._pairs_wanted = self._pairs.get_subscription_count() > 0
         self._clearance_wanted = self._clearance.get_subscription_count() > 0
@@ -139,12 +139,12 @@ class Outputs:
         Call `check_demand` first.
 
         Args:
-            stamp: of the tick.
-            tick: what it found.
+            stamp: the tick's stamp.
+            tick: the tick's results.
             levels: by index of the pair.
-            changes: the levels that changed.
-            silent: the reason by silent body.
-            pose_stamp_ns: the stamp of a body's pose, by name.
+            changes: the changes of levels.
+            silent: the reason for each silent body.
+            pose_stamp_ns: returns the stamp of a body's pose, by name.
         """
         told = changes
         if len(changes) > KEPT_ALERTS:
@@ -189,7 +189,7 @@ class Outputs:
             self._send("markers", self._markers, self._marks.message(pairs, levels, stamp))
 
     def publish_parts(self, samples: Mapping[str, PoseSample | None], now_s: float) -> None:
-        """Publish the parts if a viewer came, or if there is one and a body moved since."""
+        """Publish the parts if a viewer came, or if there is a viewer and a body has moved."""
         viewers = self._parts.get_subscription_count() if self._settings.markers else 0
         came, self._viewers = viewers > self._viewers, viewers
         if not viewers or (now_s < self._parts_due_s and not came):
@@ -197,7 +197,7 @@ class Outputs:
         if self._message is None:
             self._message = self._build_parts()
         poses = {name: None if at is None else at.pose for name, at in samples.items()}
-        # A new good message makes a new array.
+        # Each new good pose is a new array, so a body with the same array has not moved.
         moved = {name: pose for name, pose in poses.items() if self._shown.get(name) is not pose}
         self._shown.update(moved)
         self._message.place(moved)
@@ -206,11 +206,11 @@ class Outputs:
             self._parts_due_s = now_s + self._message.period_s
 
     def publish_scene(self, held: Mapping[str, str], unwatched: Collection[int]) -> None:
-        """Publish the scene and what is in force, if they changed.
+        """Publish the scene, the settings and the attachments in force, if they changed.
 
         Args:
-            held: the parent's name by the child's, of attached bodies that are carried now.
-            unwatched: the pairs, by index, that are not watched because of that.
+            held: the parent's name by the child's, for attached bodies that are carried now.
+            unwatched: the indices of pairs that are not watched because of these attachments.
         """
         if self._scene_is_new or held != self._held:
             self._scene_is_new, self._held = False, held
@@ -220,12 +220,12 @@ class Outputs:
             self._send("scene", self._described, message)
 
     def publish_poses(self, samples: Mapping[str, PoseSample | None], stamp: Time) -> None:
-        """Publish the poses of a tick if anybody listens."""
+        """Publish the poses of a tick if there is a subscriber."""
         if self._poses.get_subscription_count():
             self._send("poses", self._poses, self._poses_message.serialised(samples, stamp))
 
     def reshape(self, name: str) -> None:
-        """Rebuild the parts before they are shown again, because the body has another shape."""
+        """Note that a body has another shape: the parts are rebuilt before they are shown again."""
         self._scene_is_new |= name not in self._deforming
         self._deforming.add(name)
         self._message = None
@@ -239,8 +239,8 @@ class Outputs:
     def destroy(self) -> None:
         """Destroy the publishers, once the last state has arrived.
 
-        A message that is still under way when its publisher goes is lost: one in four, measured
-        with six processes on two cores.
+        A message that is still under way when its publisher is destroyed is lost. That was one in
+        four, measured with six processes on two cores.
         """
         until = time.monotonic() + LAST_WORD_S
         for publisher in (self._closest, self._pairs, self._clearance, self._markers):
@@ -248,7 +248,7 @@ class Outputs:
             if not publisher.wait_for_all_acked(Duration(seconds=left_s)):
                 log = self._node.get_logger()
                 log.warning(f"{publisher.topic_name}: not all who listen have the last message")
-        # Fast DDS asks whether a longer history was received only every three seconds.
+        # Wait briefly: Fast DDS asks only every three seconds whether a longer history arrived.
         self._alerts.wait_for_all_acked(Duration(seconds=0.02))
         for publisher in self._publishers:
             self._node.destroy_lifecycle_publisher(publisher)

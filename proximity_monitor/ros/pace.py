@@ -1,14 +1,14 @@
-"""The pace of ticks that new poses ask for."""
+"""Limits the rate of the ticks that new poses ask for."""
 
 from __future__ import annotations
 
 
 class Pace:
-    """Lets ticks through at a limited average rate, each a little early if need be.
+    """Lets ticks through at a limited average rate, each up to half a period early.
 
-    Poses that come at just this rate tremble about its period. Half a period of credit lets each
-    have its tick at once, and still a flood of poses gets no more ticks than the rate. (In
-    networks: a generic cell rate algorithm with half a period's tolerance.)
+    The intervals of poses that come at just this rate vary about its period. With half a period of
+    credit, each pose gets its tick at once, but a flood of poses still gets no more ticks than the
+    rate. (In networks: a generic cell rate algorithm with a tolerance of half a period.)
     """
 
     def __init__(self, rate_hz: float) -> None:
@@ -16,12 +16,12 @@ class Pace:
         self.limit(rate_hz)
 
     def limit(self, rate_hz: float) -> None:
-        """Allow so many ticks a second from now on; the first is allowed."""
+        """Allow `rate_hz` ticks a second from now on, the first one at once."""
         self._due_s = float("-inf")
         self._period_s = 1.0 / rate_hz
 
     def wait_s(self, now_s: float) -> float:
-        """Return in how many seconds a tick may happen, 0 or less if it may now."""
+        """Return the seconds until a tick may happen; 0 or less if it may happen now."""
         return self._due_s - 0.5 * self._period_s - now_s
 
     def allows(self, now_s: float) -> bool:

@@ -1,6 +1,6 @@
-"""The page in the browser as a child process of the demo.
+"""Runs the page in the browser as a child process of the demo.
 
-It is started by name: it is a node of its own, and only messages connect it to this process.
+The page is started by its module name, because only messages connect its node to this process.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ _END_S = 10.0
 
 
 class PageProcess:
-    """Runs the display, and reports its address once that is known."""
+    """Runs the display, and reports its address once it is known."""
 
     def __init__(self, say: Callable[[str], None]) -> None:
-        """Start it; another thread calls `say` with a line for people."""
+        """Start the display; another thread calls `say` with lines for the user."""
         self._say = say
         self._stopping = False
         self._process = subprocess.Popen(
@@ -38,7 +38,7 @@ class PageProcess:
         self._reading.start()
 
     def stop(self) -> None:
-        """End it."""
+        """End the display."""
         self._stopping = True
         if self._process.poll() is None:
             self._process.send_signal(signal.SIGINT)
@@ -74,5 +74,5 @@ def can_show_page() -> bool:
 
 
 def _has_desktop() -> bool:
-    """Without a screen, a browser for terminals might take this one over."""
+    """Return whether there is a screen; without one, a text browser might take this terminal."""
     return sys.platform == "darwin" or any(map(os.environ.get, ("DISPLAY", "WAYLAND_DISPLAY")))

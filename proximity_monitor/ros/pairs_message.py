@@ -1,25 +1,25 @@
-"""All pairs of a tick in numbers: ``~/pairs``, a `sensor_msgs/PointCloud2` of one point a pair.
+"""All pairs of a tick in numbers: ``~/pairs``, a `sensor_msgs/PointCloud2` of one point per pair.
 
-It lists the pairs of ``~/closest_points`` in the same order, in a small part of the time of texts:
-numpy writes the columns, and a reader takes them as they are. The type describes its own fields,
-and every viewer and converter of clouds reads it. Bodies and texts stand as numbers, which
-``~/scene`` explains; the checksum tells whether it is of the same scene.
+It lists the pairs of ``~/closest_points`` in the same order, but takes a small part of the time
+that texts take: numpy writes the columns, and a reader uses them as they are. The type describes
+its own fields, and every viewer and converter of clouds reads it. Numbers stand for bodies and
+texts; ``~/scene`` explains them. The checksum says whether a ``~/scene`` is of the same scene.
 
 =========================  =======================================================================
 ``header``                 the tick's stamp, the fixed frame
 ``x, y, z``                the closest point on A, metres; NaN without a pose, as all lengths here
-``x_b, y_b, z_b``          the one on B
+``x_b, y_b, z_b``          the closest point on B, metres
 ``lower, upper``           certified bounds, metres
 ``session_min``, ``session_min_lower``  the smallest upper and lower bounds since the last reset
 ``stamp``                  the older stamp of the two bodies' poses, seconds
-``age_s``                  seconds since the numbers answered the present poses; 0 while they do
-``u_a, v_a, w_a``          of a pair at warn or stop: where on its element the point of A lies
-``u_b, v_b, w_b``          as that of B; what the kind of element does not need is NaN
+``age_s``                  seconds since the last search; 0 if the numbers answer the present poses
+``u_a, v_a, w_a``          for a pair at warn or stop: parameters of A's point on its element
+``u_b, v_b, w_b``          the same for B's point; NaN if the kind of element does not need them
 ``a, b``                   positions among ``bodies`` of ``~/scene``
-``checksum``               that of ``~/scene``
+``checksum``               the checksum of ``~/scene``
 ``element_a, element_b``   which element the points lie on, such as a triangle's number; -1: unknown
-``on_a, on_b``             what kind of element: a position among ``words`` of ``~/scene``, plus 1
-``silent_a, silent_b``     why that body is silent: a position among ``words``, plus 1; 0: it is not
+``on_a, on_b``             the kind of element: a position among ``words`` of ``~/scene``, plus 1
+``silent_a, silent_b``     why the body is silent: a position among ``words``, plus 1; 0: it is not
 ``level``                  0 clear, 1 warn, 2 stop, 3 stale
 ``status``                 0 exact, 1 within tolerance, 2 bounded, 3 intersecting, 4 overlapping,
                            5 unknown pose
@@ -72,7 +72,7 @@ _NEAR = (_LEVELS.index(Level.WARN), _LEVELS.index(Level.STOP))
 
 
 def checksum(names: Sequence[str]) -> int:
-    """Return the CRC-32 of the names of all bodies in the scene's order, a line each."""
+    """Return the CRC-32 of the names of all bodies in the scene's order, one per line."""
     return zlib.crc32("\n".join(names).encode())
 
 
@@ -80,14 +80,14 @@ class PairsMessage:
     """Makes the message, and remembers the words that its numbers stand for.
 
     Attributes:
-        words: grows when a new reason or a new kind of element comes up.
+        words: the texts so far; a new reason or a new kind of element is appended.
     """
 
     def __init__(self, names: Sequence[str], frame: str) -> None:
         """Begin without words.
 
         Args:
-            names: of all bodies, in the scene's order.
+            names: the names of all bodies, in the scene's order.
             frame: the fixed frame.
         """
         self.words: list[str] = []
@@ -107,11 +107,11 @@ class PairsMessage:
         """Return the message of a tick.
 
         Args:
-            pairs: those that the tick lists, of all bodies.
-            levels: by index in the scene.
-            stamp: of the tick.
-            pose_stamp_ns: the stamp of a body's pose, by name.
-            silent: the reason by silent body.
+            pairs: the pairs that the tick lists, with the names of all bodies.
+            levels: by the pair's index in the scene.
+            stamp: the tick's stamp.
+            pose_stamp_ns: returns the stamp of a body's pose, by name.
+            silent: the reason for each silent body.
         """
         rows = np.zeros(len(pairs), _ROW)
         first, second = pairs.bodies.T
@@ -158,7 +158,7 @@ class PairsMessage:
     def _tell_levels(
         self, rows: np.ndarray, pairs: PairStates, levels: Mapping[int, Level]
     ) -> None:
-        """Tell the levels; only few pairs are not clear, which is 0."""
+        """Write the levels that are not clear, which are few; the rows hold 0, clear, already."""
         clear = Level.CLEAR
         unclear = {i: level for i, level in levels.items() if level is not clear}
         for row in np.flatnonzero(np.isin(pairs.positions, list(unclear))).tolist():
@@ -177,7 +177,7 @@ class PairsMessage:
             rows[name] = np.where(pairs.silent[:, i], np.where(code, code, otherwise), 0)
 
     def _tell_elements(self, rows: np.ndarray, pairs: PairStates) -> None:
-        """Tell on what the points lie, of pairs at warn and stop."""
+        """Write which elements the points of pairs at warn and stop lie on, and where."""
         rows["element_a"] = rows["element_b"] = -1
         for name in ("u_a", "v_a", "w_a", "u_b", "v_b", "w_b"):
             rows[name] = np.nan

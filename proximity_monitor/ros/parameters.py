@@ -2,8 +2,8 @@
 
 Four of them override the scene file: ``rate_hz``, ``budget_ms``, ``rel_err`` and ``abs_err``. Their
 default, -1, means "as the scene file says". Parameters that depend on the scene are declared when
-the node is configured, so that they show what is in force (`scene_parameters`). All lengths are
-metres.
+the node is configured, so that they show the values in force (`scene_parameters`). All lengths are
+in metres.
 """
 
 from __future__ import annotations
@@ -132,7 +132,7 @@ def declare(node: Node) -> None:
 
 
 def declare_one(node: Node, name: str, default: Any, descriptor: ParameterDescriptor) -> None:
-    """Declare a parameter; a real one may be given as a whole number, too.
+    """Declare a parameter; a real number may also be given as a whole number.
 
     Raises:
         rclpy.exceptions.ParameterException: a value given at start is of another type or out of
@@ -150,7 +150,7 @@ def declare_one(node: Node, name: str, default: Any, descriptor: ParameterDescri
 
 
 def _with_real_numbers(node: Node, changes: Sequence[Parameter]) -> list[Parameter]:
-    """Return changes, with whole numbers made real for real parameters."""
+    """Return the changes, with whole numbers made real for real parameters."""
     return [
         Parameter(change.name, value=float(change.value))
         if change.type_ is Parameter.Type.INTEGER
@@ -170,7 +170,7 @@ def refusal(values: Mapping[str, Any], changed: Sequence[str]) -> str:
 
     Args:
         values: parameters by name.
-        changed: the names whose values are new and judged one by one.
+        changed: the names of the new values, which are judged one by one.
     """
     for name in changed:
         value = values[name]

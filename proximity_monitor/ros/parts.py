@@ -1,17 +1,20 @@
 """The parts as mesh markers for ~/parts: one latched message with every body.
 
-A marker cannot move without its mesh being sent again, and a transform on /tf would need tf2_msgs,
-which pip cannot install. A message of rclpy has a Python object for each corner: 50 ms for 12,000
-triangles and seconds for a million. So rclpy serialises one triangle a body, and the corners are
-spliced in from numpy arrays. Every corner is 24 bytes, so the eight-byte alignment of everything
-else stays the same. After that only the poses are overwritten. The message is built for the first
-viewer. It is published when a viewer appears and, while there is one, up to five times a second if
-a body moved. Every message is complete, so the latched one is right for late viewers. The stamp is
-zero, which viewers take as "now": the message is older than the poses in it. Normals of curved
-bodies stand in `uv_coordinates`, as `cdr.as_octahedral` has them: a marker has no other place for
-them, and viewers heed it where there is a texture alone. Nor do they heed the `text` of triangles:
-JSON with `solid`, whether the body has an inside, and `off_m`, how far the triangles are at most
-from what it stands for; null where that is not known.
+A marker can move only if its mesh is sent again, and a transform on /tf would need tf2_msgs, which
+pip cannot install. A message of rclpy has a Python object for each corner: 50 ms for 12,000
+triangles and seconds for a million. So rclpy serialises one triangle per body, and the corners are
+spliced in from numpy arrays. A corner has 24 bytes, so the eight-byte alignment of all other fields
+stays the same. After that only the poses are overwritten.
+
+The message is built for the first viewer. It is published when a viewer appears and, while there is
+a viewer, up to five times a second if a body moved. Every message is complete, so the latched one
+is right for late viewers. The stamp is zero, which viewers take as "now", because the message is
+older than the poses in it.
+
+Two fields carry data that a marker has no field for. `uv_coordinates` has the normals of curved
+bodies, as `cdr.as_octahedral`; viewers use this field only with a texture. The `text`, which
+viewers ignore for triangles, is JSON: `solid`, whether the body has an inside, and `off_m`, the
+largest distance of the triangles from the part that the body stands for, null if not known.
 """
 
 from __future__ import annotations
@@ -35,7 +38,7 @@ RATE_HZ = 5.0
 """Smooth enough to see where a part is; the distances come at the monitor's own rate."""
 
 BYTES_PER_S = 20e6
-"""Larger messages, of which five a second would exceed this, are published less often."""
+"""A message so large that RATE_HZ would exceed this is published less often."""
 
 _ENCAPSULATION = 4  # bytes before the body of a serialised message; alignment counts from there
 _PENDING = 0x70617274  # an action that no marker has: marks the place to overwrite
@@ -66,8 +69,8 @@ class PartsMessage:
         Args:
             bodies: in the order of the markers.
             models: by name of the body.
-            frame: of the poses.
-            looks: those that are known already; None: none.
+            frame: the frame of the poses.
+            looks: looks that may be known already; None: none are.
 
         Raises:
             RuntimeError: the middleware lays messages out in a way that cannot be spliced.
@@ -80,7 +83,7 @@ class PartsMessage:
             for i, (body, look) in enumerate(zip(bodies, every, strict=True))
         ]
         template = _Template(markers)
-        # Two triangles of each body show whether the splice works, and are read quickly.
+        # Two triangles of each body are enough to prove that splicing works, and quick to read.
         few = [look._replace(corners=look.corners[:6], normals=look.normals[:6]) for look in every]
         self._bytes, self._places = template.filled(few)
         self._prove(few)
@@ -89,11 +92,11 @@ class PartsMessage:
 
     @property
     def period_s(self) -> float:
-        """Seconds between two messages, so that neither limit is passed."""
+        """Seconds between two messages, so that neither limit is exceeded."""
         return max(1.0 / RATE_HZ, len(self._bytes) / BYTES_PER_S)
 
     def place(self, poses: Mapping[str, np.ndarray | None]) -> None:
-        """Write bodies' (4, 4) poses; None takes a body out of the picture."""
+        """Write bodies' (4, 4) poses; None hides a body."""
         for name, pose in poses.items():
             action = Marker.DELETE if pose is None else Marker.ADD
             struct.pack_into("<i", self._bytes, self._places[self._index[name]][0], action)
@@ -106,7 +109,7 @@ class PartsMessage:
         return bytes(self._bytes)
 
     def _prove(self, looks: Sequence[Look]) -> None:
-        """Refuse a middleware that lays messages out in another way, before one is published."""
+        """Refuse a middleware that lays messages out differently, before anything is published."""
         poses = np.tile(np.eye(4), (len(self._index), 1, 1))
         poses[:, :3, 3] = np.arange(len(poses))[:, None] + (0.25, 0.5, 0.75)
         self.place(dict(zip(self._index, poses, strict=True)))
@@ -126,13 +129,13 @@ class PartsMessage:
 
 
 class _Template:
-    """The serialised array with one triangle a body, and where in it everything is."""
+    """The serialised array with one triangle per body, and the offsets of its fields."""
 
     def __init__(self, markers: Sequence[Marker]) -> None:
         self._data = bytes(serialize_message(MarkerArray(markers=markers)))
         self._places, self._lists = [], []
-        """Of each marker where its action and pose stand; and where, in its lists of points and of
-        normals, their number and their first element."""
+        """`_places`: for each marker, the offsets of its action and pose. `_lists`: for each
+        marker's points and then its normals, the offsets of the count and the first element."""
         at = 0
         for i in range(len(markers)):
             key = self._found(_KEY.pack(i, Marker.TRIANGLE_LIST, _PENDING), at)
@@ -141,14 +144,14 @@ class _Template:
             at = key
             for pattern in (_PLACEHOLDER, _NORMALS):
                 at = self._found(pattern.tobytes(), at)
-                # The count stands right before the first one, or four bytes of padding earlier.
+                # The count is right before the first element, or four bytes of padding earlier.
                 count = next((each for each in (at - 4, at - 8) if self._number(each) == 3), None)
                 if count is None:
                     raise RuntimeError(_OTHER_LAYOUT)
                 self._lists.append((count, at))
 
     def filled(self, looks: Sequence[Look]) -> tuple[bytearray, list[tuple[int, int]]]:
-        """Return the message with the bodies' looks, and the places of its actions and poses."""
+        """Return the message with the bodies' looks, and the offsets of its actions and poses."""
         parts, places, end, longer = [], [], 0, 0
         lists = iter(self._lists)
         for look, (action, pose) in zip(looks, self._places, strict=True):
@@ -189,7 +192,7 @@ def _marker(i: int, body: Body, look: Look, frame: str) -> Marker:
 
 
 def to_numbers(poses: Iterable[np.ndarray]) -> np.ndarray:
-    """Return positions and quaternions xyzw (k, 7) of k poses (4, 4), as messages have them."""
+    """Return positions and quaternions x, y, z, w (k, 7) of k poses (4, 4), as in messages."""
     stacked = np.array(list(poses)).reshape(-1, 4, 4)
     return np.hstack((stacked[:, :3, 3], to_quaternions(stacked[:, :3, :3])))
 
@@ -197,7 +200,7 @@ def to_numbers(poses: Iterable[np.ndarray]) -> np.ndarray:
 def to_quaternions(rotations: np.ndarray) -> np.ndarray:
     """Return the unit quaternions xyzw (k, 4), w >= 0, of rotations (k, 3, 3).
 
-    The largest of the four components is found first, so that no small number is divided by.
+    It starts from the largest of the four components, so that it never divides by a small number.
     """
     (m00, m01, m02), (m10, m11, m12), (m20, m21, m22) = np.moveaxis(rotations, 0, -1)
     xx, yy, zz, ww = (1 + m00 - m11 - m22, 1 - m00 + m11 - m22, 1 - m00 - m11 + m22,
@@ -213,6 +216,6 @@ def to_quaternions(rotations: np.ndarray) -> np.ndarray:
 
 
 def to_quaternion(rotation: np.ndarray) -> tuple[float, float, float, float]:
-    """Return that of one rotation (3, 3)."""
+    """Return the unit quaternion x, y, z, w, with w >= 0, of one rotation (3, 3)."""
     x, y, z, w = to_quaternions(rotation[None])[0].tolist()
     return x, y, z, w

@@ -29,7 +29,7 @@ from proximity_monitor.scene.robots import joints_of
 from proximity_monitor.scene.state import PoseSample
 
 LEAST = 10.0
-"""Hertz: at a lower rate poses could be stale before the next ones come."""
+"""Hertz; at a lower rate poses could be stale before the next poses come."""
 
 _NOBODY = Parameter("released", Parameter.Type.STRING_ARRAY, [])
 
@@ -37,21 +37,20 @@ _NOBODY = Parameter("released", Parameter.Type.STRING_ARRAY, [])
 class ProximityPlayer(Node):
     """Publishes all that the effects of a scene move, stamped with the node's clock.
 
-    These are: the PoseStamped of each driven body or robot's root on its topic or, with ``bulk``,
-    one PoseArray on ``poses`` with all moving bodies in the scene's order; a JointState with the
-    driven joints on the topic of their robot; the control points of each deforming body as
-    PointCloud2 on ``bodies/NAME/vertices``, or ``bodies/NAME/control`` unless it is a mesh; and on
-    ``~/motion``, latched, which moment of the motion it is (see `MotionClock.told`).
+    The messages are: the PoseStamped of each driven body or robot's root on its topic or, with
+    ``bulk``, one PoseArray on ``poses`` with all moving bodies in the scene's order; a JointState
+    with the driven joints on the topic of their robot; the control points of each deforming body as
+    PointCloud2, on ``bodies/NAME/vertices`` for a mesh, else on ``bodies/NAME/control``; and,
+    latched on ``~/motion``, the moment of the motion (see `MotionClock.told`).
 
     Parameters that can change at any time: ``released`` (bodies that are left out, because a hand
-    or another node moves them; in bulk that is impossible), ``speed`` (seconds of motion in a
-    second of the node's clock; 0 stands still), ``seek_s`` (the moment of the motion to go on
-    from; at start, the seconds that are left out).
+    or another node moves them; has no effect in bulk), ``speed`` (seconds of motion in a second of
+    the node's clock; 0 stands still), ``seek_s`` (the moment of the motion to go on from; at start,
+    the seconds to skip).
 
-    Parameters that are read at start: ``scene`` (file or bundled name), ``rate_hz`` (messages a
-    second and body; -1: the scene's rate, at least `LEAST`), ``loop`` (false: the player ends
-    after one period, where the motion has one), ``bulk``, ``fixed_frame`` (empty: the scene
-    file's).
+    Parameters that are read at start: ``scene`` (file or bundled name), ``rate_hz`` (messages per
+    second for each body; -1: the scene's rate, at least `LEAST`), ``loop`` (false: the player ends
+    after one period, if the motion has one), ``bulk``, ``fixed_frame`` (empty: the scene file's).
     """
 
     def __init__(self, moves: motion.Motion | None = None, **node_options) -> None:
@@ -62,7 +61,7 @@ class ProximityPlayer(Node):
             node_options: for `rclpy.node.Node`, such as parameter_overrides.
 
         Raises:
-            ValueError, OSError: the scene, its motion or a parameter is bad; the message says.
+            ValueError, OSError: the scene, its motion or a parameter is bad; the message says why.
         """
         super().__init__("proximity_player", **node_options)
         try:
@@ -72,16 +71,16 @@ class ProximityPlayer(Node):
         descriptions = Descriptions(self)
         scene = load_scene(find_scene(values["scene"]), descriptions.wait)
         descriptions.forget()
-        with interruptible():  # it may read a long recording, or simulate the part that is left out
+        with interruptible():  # this may read a long recording, or simulate the skipped part
             self._motion = moves or motion.from_scene(scene, live=True, stopped=asked_to_stop)
             self._motion.seek(values["seek_s"])
         self._path, self._frame = scene.path, values["fixed_frame"] or scene.frame
         self._motion_clock = MotionClock(values["speed"], values["seek_s"])
-        self._to_seek: float | None = None  # done by the timer, because a parameter must not wait
+        self._to_seek: float | None = None  # the timer seeks: a parameter callback must not wait
         self._ends_at = None if values["loop"] else self._motion.period_s
         self.finished = False
         self.fault = ""
-        """Why the motion could not go on; empty: it can."""
+        """Why the motion cannot go on; empty if it can."""
         self._warned = ""
         self._advertise(scene, values["bulk"], values["seek_s"])
         self.add_on_set_parameters_callback(_judged)
@@ -187,15 +186,15 @@ class ProximityPlayer(Node):
         self._told_from_ns = None
 
     def _tell_moment(self, now_ns: int) -> None:
-        """Tell the moment of the motion where it does not follow from what was told."""
+        """Publish the moment of the motion, unless it follows from the last message."""
         if self._told_from_ns is None or now_ns < self._told_from_ns:
-            self._told_from_ns = now_ns or None  # told again when there is a time
+            self._told_from_ns = now_ns or None  # None: publish again when there is a time
             moves = self._motion
             told = self._motion_clock.told(now_ns, moves.period_s, moves.repeats)
             self._to_tell.publish(String(data=told))
 
     def _on_timer(self) -> None:
-        """Publish; end where the motion does, or cannot go on."""
+        """Publish; finish if the motion ends or cannot go on."""
         try:
             self.finished = self._publish()
         except ValueError as error:
@@ -238,13 +237,13 @@ class ProximityPlayer(Node):
                 if name not in released:
                     set_pose(message.pose, pose)
                     self._outputs[name].publish(message)
-        elif len(poses) == len(self._order):  # else one has no pose yet, and no value means that
+        elif len(poses) == len(self._order):  # else a body has no pose yet, and no value says so
             samples = {name: PoseSample(pose) for name, pose in poses.items()}
             self._bulk.publish(self._bulk_message.serialised(samples, header.stamp))
 
 
 def _judged(parameters: Sequence[Parameter]) -> SetParametersResult:
-    """Refuse what is no number: a range lets it pass."""
+    """Refuse numbers that are not finite; a parameter's range lets NaN pass."""
     for each in parameters:
         if each.type_ == Parameter.Type.DOUBLE and not math.isfinite(each.value):
             return SetParametersResult(successful=False, reason=f"{each.name}: must be finite")

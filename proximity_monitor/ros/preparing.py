@@ -1,7 +1,7 @@
-"""Progress of a node that gets ready, which takes a minute if kernels must be compiled.
+"""Reports progress while a node gets ready, which takes a minute if kernels must be compiled.
 
-Getting ready keeps the main thread busy, so another thread reports. Signals do not interrupt it,
-because they come to the main thread only.
+Getting ready keeps the main thread busy, so another thread reports. Signals do not interrupt the
+reporting thread, because they come to the main thread only.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ PERIOD_S = 1.0
 
 @contextmanager
 def saying(say: Callable[[], None]) -> Iterator[None]:
-    """Call `say` at once, and again each second, from another thread while this is entered."""
+    """Call `say` from another thread, at once and then every second, until the context ends."""
     over = Event()
 
     def run() -> None:

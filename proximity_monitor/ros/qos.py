@@ -1,4 +1,4 @@
-"""Quality of service, and a count of peers whose own does not fit."""
+"""Quality of service, and a count of peers whose quality of service does not fit."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from rclpy.qos import (
 )
 
 POSES = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
-"""The latest pose wins; best effort accepts reliable publishers too."""
+"""Only the latest pose is kept; best effort accepts reliable publishers as well."""
 
 LATEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
 LATCHED = QoSProfile(
@@ -23,17 +23,17 @@ LATCHED = QoSProfile(
 )
 
 TRANSFORMS = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
-"""What tf2 subscribes with; many publishers share the topic."""
+"""The profile with which tf2 subscribes; many publishers share the topic."""
 
 
 class Incompatible:
     """Counts publishers and subscribers whose quality of service keeps them from being heard."""
 
     def __init__(self, node: Node) -> None:
-        """Begin with none; `node` logs each."""
+        """Begin with none; each is logged by `node`."""
         self._log = node.get_logger()
         self.count: Counter[str] = Counter()
-        """By topic."""
+        """How many there were, by topic."""
 
     def subscription(self, topic: str) -> SubscriptionEventCallbacks:
         """Return the callbacks for our subscription of a topic."""

@@ -1,4 +1,4 @@
-"""The recording's files: CSV for people and spreadsheets, a bag for the tools of ROS."""
+"""Writes the recording's files: CSV for people and spreadsheets, a bag for the tools of ROS."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ def dump(recording: Recording, folder: str, node: str, frame: str) -> list[Path]
     """Write a recording into a new folder of its own and return the paths of its files.
 
     Args:
-        recording: what to write.
-        folder: where to make the new one; empty: the current folder.
-        node: full name of the node, whose topics the bag has.
+        recording: the recording to write.
+        folder: where to make the new folder; empty: the current folder.
+        node: full name of the node, whose topics the bag contains.
         frame: the fixed frame.
 
     Raises:
@@ -35,7 +35,7 @@ def dump(recording: Recording, folder: str, node: str, frame: str) -> list[Path]
     name = f"{node.strip('/').replace('/', '_')}_{time.strftime('%Y%m%d_%H%M%S')}"
     try:
         parent = Path(folder or ".").expanduser().resolve()
-    except RuntimeError as error:  # "~name", and nobody has that name
+    except RuntimeError as error:  # "~name", and there is no such user
         raise FileNotFoundError(f"recording_dir {folder}: {error}") from error
     made = _new_folder(parent, name)
     tables = recording.write_csv(made)
@@ -49,7 +49,7 @@ def dump(recording: Recording, folder: str, node: str, frame: str) -> list[Path]
 
 
 def _new_folder(parent: Path, name: str) -> Path:
-    """Make a folder that did not exist: a second dump within a second gets a number."""
+    """Make a folder that did not exist; a second dump in the same second gets a number."""
     parent.mkdir(parents=True, exist_ok=True)
     for number in range(1, 1000):
         made = parent / (name if number == 1 else f"{name}_{number}")
@@ -79,7 +79,7 @@ def _write_bag(recording: Recording, path: Path, node: str, frame: str) -> Path:
 
 
 def _write_all(writer: Writer, recording: Recording, clearance, alerts, frame: str) -> None:
-    """Write in the order of time; an alert follows its tick."""
+    """Write ticks and alerts in the order of time; an alert follows its tick."""
     waiting = deque(recording.alerts)
     ticks = recording.ticks
     for stamp_ns, lower in zip(

@@ -1,36 +1,36 @@
-"""The scene as a viewer on another machine needs it: ``~/scene``, latched, JSON in a String.
+"""The scene for a viewer on another machine: ``~/scene``, latched, JSON in a String.
 
-JSON because common_interfaces has no type with named things of several kinds. All lengths are in
-metres; `unit` is the one that people read. It is published again when a setting in it changes, when
-a body's control points arrive for the first time, when an attached body is held, or when there is a
-new word.
+It is JSON because common_interfaces has no type for named things of several kinds. All lengths are
+in metres; `unit` is the unit for people. It is published again if a setting in it changes, if a
+body receives a new shape for the first time, if the held attachments change, or if there is a new
+word.
 
 ==================  ===========================================================================
-``name``            of the scene file, without its suffix; a bundled scene's is its folder's
-``path``            of the scene's file, on the monitor's machine
+``name``            of the scene file, without its suffix; of its folder if it is a scene.yaml
+``path``            of the scene file, on the monitor's machine
 ``description``     one line
 ``frame``           of all poses and points
 ``unit``            ``symbol`` and ``to_metre``
-``bodies``          in the scene's order (that of the markers of ``~/parts``): ``name``,
-                    ``moving``, ``topic`` (its full name) of its PoseStamped or null where none are
-                    taken in, ``point``, whether it is a single point, ``mesh``, a checksum,
-                    ``colour`` (red, green, blue, opacity), ``pose`` (x y z, quaternion w x y z)
-                    where it is fixed, else null, and ``range``: its pairs that ``~/pairs`` does not
-                    list are farther apart; null: all are listed
-``checksum``        of the bodies' names, CRC-32, which ``~/pairs`` bears too
-``words``           texts that ``~/pairs`` has numbers for; new ones are appended
-``deforming``       names of the bodies whose control points have arrived since the start
-``pairs``           how many are watched
+``bodies``          in the scene's order, which is that of the markers of ``~/parts``: ``name``;
+                    ``moving``; ``topic``, the full name of its PoseStamped topic, or null if the
+                    monitor does not subscribe to one; ``point``, whether it is a single point;
+                    ``mesh``, a checksum; ``colour`` (red, green, blue, opacity); ``pose`` (x y z,
+                    quaternion w x y z) if it is fixed, else null; and ``range``: its pairs that
+                    ``~/pairs`` does not list are farther apart; null: all are listed
+``checksum``        CRC-32 of the bodies' names, which ``~/pairs`` has as well
+``words``           texts for which ``~/pairs`` has numbers; new texts are appended
+``deforming``       names of the bodies that have received a new shape since the start
+``pairs``           the number of watched pairs
 ``thresholds``      ``warn``, ``stop`` and ``hysteresis`` of the pairs that have none of their own
-``own_thresholds``  a list: ``a`` and ``b``, with the same three
-``attachments``     the parent's name by the child's, as it is set
-``held``            those of them that are in force: the child moves with its parent, and its own
-                    poses do not count. All others wait until the poses of both are known and fresh
+``own_thresholds``  a list of pairs with their own: ``a``, ``b`` and the same three limits
+``attachments``     the parent's name by the child's, as set
+``held``            the attachments in force: the child moves with its parent, and its own poses do
+                    not count. All others wait until the poses of both are known and fresh
 ``unwatched``       a list of pairs, two names each in the scene's order, that are not watched now
-                    because one body is held by the other
-``own_parameters``  whether the latter can be set, as parameters ``pairs.<a>.<b>.<limit>``
+                    because one body holds the other
+``own_parameters``  whether the own thresholds are parameters, ``pairs.<a>.<b>.<limit>``
 ``settings``        in force: ``rate_hz``, ``budget_ms``, ``pose_timeout_s``, and ``rel_err`` and
-                    ``abs_err``, null where each pair has its own
+                    ``abs_err``, null if each pair has its own
 ==================  ===========================================================================
 """
 
@@ -60,7 +60,7 @@ class SceneMessage:
         models: Mapping[str, engine.Model],
         full_name: Callable[[str], str],
     ) -> None:
-        """Take the scene that is watched, its models, and what returns a topic's full name."""
+        """Take the scene, its models by body, and a function that returns a topic's full name."""
         self._scene = scene
         self._own = []
         ranges = {body.name: math.inf for body in scene.bodies}
@@ -87,11 +87,11 @@ class SceneMessage:
         """Return the message.
 
         Args:
-            settings: in force.
-            deforming: bodies whose control points have arrived.
-            words: that ~/pairs has numbers for.
-            held: the parent's name by the child's, of attached bodies that are carried now.
-            unwatched: the pairs, by index, that are not watched because of that.
+            settings: the settings in force.
+            deforming: the bodies that have received a new shape.
+            words: the texts for which ~/pairs has numbers.
+            held: the parent's name by the child's, for attached bodies that are carried now.
+            unwatched: the indices of pairs that are not watched because of these attachments.
         """
         scene, limits = self._scene, settings.thresholds
         path, unit = scene.path, scene.unit
@@ -133,7 +133,7 @@ class SceneMessage:
 def _body(
     body: Body, model: engine.Model, full_name: Callable[[str], str], least: float
 ) -> dict[str, Any]:
-    """Return what is told of a body; `least` is the smallest range of its pairs, metres."""
+    """Return the entry of a body; `least` is the smallest range of its pairs, metres."""
     pose = None
     if body.pose is not None:
         x, y, z, w = to_quaternion(body.pose[:3, :3])

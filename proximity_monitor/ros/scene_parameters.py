@@ -1,12 +1,16 @@
 """The parameters that depend on the scene, and the settings that follow from all parameters.
 
-``thresholds.warn|stop|hysteresis|hold_s`` are of all pairs without thresholds of their own in the
-scene file, and ``pairs.<a>.<b>.warn|...`` of each pair with its own; the scene file's values are
-the defaults. To move ``warn`` below the present ``stop``, or the other way round, set both in one
-atomic call. ``attachments.<child>`` names the body that a moving body is attached to, and is empty
-if there is none. So an assembly step is a call of the standard parameter service, a refusal says
-why, and a parameter file can hold it. (No standard service takes two names.) Parameters that are
-given at start may name the bodies of a pair in either order; names that match nothing are reported.
+``thresholds.warn|stop|hysteresis|hold_s`` apply to all pairs without thresholds of their own in the
+scene file, and ``pairs.<a>.<b>.warn|...`` to each pair with its own. The scene file's values are
+the defaults. To move ``warn`` below the present ``stop``, or ``stop`` above the present ``warn``,
+set both in one atomic call.
+
+``attachments.<child>`` names the body to which a moving body is attached, and is empty if there is
+none. So an assembly step is a call of the standard parameter service, a refusal says why, and a
+parameter file can hold the step. (No standard service takes two names.)
+
+Parameters that are given at start may name the bodies of a pair in either order. Names that match
+nothing are reported.
 """
 
 from __future__ import annotations
@@ -28,8 +32,8 @@ from proximity_monitor.scene.naming import safe
 from proximity_monitor.scene.schema import bounds
 
 MAX_PAIRS = 100
-"""How many pairs' own thresholds may become parameters. If a scene has more, none of them does: a
-million parameters would take hours to declare and serve nobody."""
+"""How many pairs with thresholds of their own may get parameters. If a scene has more such pairs,
+none gets any: a million parameters would take hours to declare, and would help nobody."""
 
 _LIMITS = {"warn": "m", "stop": "m", "hysteresis": "m", "hold_s": "s"}
 
@@ -52,7 +56,7 @@ class Settings(NamedTuple):
     body_topics: bool
     tf: bool
     thresholds: tuple[Thresholds, ...]
-    """One a watched pair."""
+    """One per watched pair."""
     attachments: Mapping[str, str]
     """The parent by attached body."""
 
@@ -61,17 +65,17 @@ class SceneParameters:
     """The declared parameters of one scene."""
 
     def __init__(self, node: Node, scene: Scene) -> None:
-        """Declare them.
+        """Declare the parameters.
 
         Raises:
-            ValueError: a value given at start is no legal one; the message says why. None of them
-                is declared then.
+            ValueError: a value given at start is illegal; the message says why. Then no parameter
+                stays declared.
         """
         self._node = node
         self._scene = scene
         own = [i for i, pair in enumerate(scene.pairs) if pair.own_thresholds]
         self.unadjustable = len(own) if len(own) > MAX_PAIRS else 0
-        """How many pairs have thresholds of their own without parameters."""
+        """How many pairs have thresholds of their own, but no parameters for them."""
         self._groups = {"thresholds": scene.thresholds}
         self._own: dict[int, str] = {}
         if not self.unadjustable:
@@ -80,7 +84,7 @@ class SceneParameters:
                 self._own[i] = f"pairs.{safe(pair.a)}.{safe(pair.b)}"
                 self._groups[self._own[i]] = pair.thresholds
         self._fixed = {i: scene.pairs[i].thresholds for i in own if i not in self._own}
-        # The child's parameter has a word for its name in it; the parent is told by its name.
+        # A parameter's name contains the word for its child; its value is the parent's name.
         self._attachable = {safe(body.name): body.name for body in scene.bodies if body.posed}
         self._hangers = Attachments(scene.bodies)
         self._overrides = node._parameter_overrides  # rclpy offers no other way to see all of them
@@ -96,13 +100,13 @@ class SceneParameters:
         self._tell_overrides_of_nothing()
 
     def undeclare(self) -> None:
-        """Remove the declared ones."""
+        """Undeclare the parameters."""
         for name in self._names():
             if self._node.has_parameter(name):
                 self._node.undeclare_parameter(name)
 
     def check(self, changes: Sequence[Parameter]) -> SetParametersResult:
-        """Judge a set of changes as one."""
+        """Judge a set of changes as a whole."""
         changed = {p.name: p.value for p in changes}
         for name, value in changed.items():
             if (

@@ -23,9 +23,9 @@ class Services:
         """Create the services.
 
         Args:
-            node: whose services they are.
-            reset: forgets the session's minima; returns what to answer, as do the others.
-            pause: pauses the watch, or lets it go on.
+            node: the node that offers the services.
+            reset: forgets the session's minima. Like the other two, it returns the answer's text.
+            pause: pauses the watch if called with True, else lets it go on.
             dump: writes the recording while the watch goes on; its future raises OSError or
                 ImportError if it fails.
         """
@@ -47,7 +47,7 @@ class Services:
                 node.get_logger().error(f"dump_recording: {error}")
             return response
 
-        # In a callback group of its own: until it is answered, nothing else in its group is called.
+        # In its own callback group, because nothing else in the group is called before it answers.
         alone = MutuallyExclusiveCallbackGroup()
         self._services = [
             node.create_service(Trigger, "~/reset_minima", on_reset),

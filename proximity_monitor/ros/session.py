@@ -44,27 +44,27 @@ from proximity_monitor.scene.state import NO_POSE_YET, Tick
 from proximity_monitor.scene.unseen import Unseen, unseen_containment
 
 SLICE_S = 0.2
-"""A longer budget is spent in slices of this length, so that a signal ends the node soon and in
-good order, with its knowledge published."""
+"""Seconds. A longer budget is spent in slices of this length, so that a signal ends the node soon
+and cleanly, after it has published its results."""
 
 LOGGED = 20
-"""How many changes of one tick are logged, a line each."""
+"""How many changes of one tick are logged, one line each."""
 
 
 class Session:
     """Everything that lives from configure to cleanup.
 
     The steady clock times ticks and diagnostics, so that they go on while simulated time stands
-    still; stamps and the ages of poses are measured by the node's clock.
+    still. The node's clock gives stamps, and measures the ages of poses.
     """
 
     def __init__(self, node: LifecycleNode, scene: Scene, settings: Settings) -> None:
         """Create the publishers; `prepare` creates everything else, and `start` begins to tick.
 
         Args:
-            node: creates them.
-            scene: what to watch.
-            settings: in force at first.
+            node: creates the publishers.
+            scene: the scene to watch.
+            settings: the settings in force at first.
         """
         self.scene = scene
         self.settings = settings
@@ -75,7 +75,7 @@ class Session:
         self._prepared = False
         self._unseen = Unseen(0, (), {})
         self._namesakes = 0
-        self._said = ""  # of the progress
+        self._said = ""  # the last text about progress
         self._alerts = Alerts(scene.pairs, scene.unit)
         self._recording = Recording(scene.pairs)
         self._inputs = Inputs(
@@ -90,9 +90,9 @@ class Session:
         self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
 
     def prepare(self) -> None:
-        """Load the models, get the search ready, and listen.
+        """Load the models, prepare the search, and subscribe.
 
-        The topics exist meanwhile, and the diagnostics say so if kernels are compiled.
+        Meanwhile the topics exist already, and the diagnostics report the progress.
 
         Raises:
             OSError, ValueError: a model cannot be used, or a parameter's value is illegal.
@@ -148,7 +148,7 @@ class Session:
         if first or before.thresholds != settings.thresholds:
             self._monitor.set_thresholds(settings.thresholds)
         if _effort(before) != _effort(settings):
-            self._health.timing.forget_window()  # its percentiles are of the old ones
+            self._health.timing.forget_window()  # its percentiles are of the old settings
         self._ticking.limit(settings.rate_hz)
         self._ticking.on_pose = settings.tick_on_pose
         self._inputs.timeout_s = settings.pose_timeout_s
@@ -177,8 +177,8 @@ class Session:
             self._node.destroy_timer(self._seconds)
         self._outputs.destroy()
         self._node.destroy_publisher(self._diagnostics)
-        # Each callback is a reference cycle, and Python never collects cycles of objects that
-        # existed when `spin` began: meshes and search trees would stay for good.
+        # Each callback forms a reference cycle. Python never collects cycles of objects that
+        # existed when `spin` began, so meshes and search trees would stay in memory.
         vars(self).clear()
 
     def _take_poses(self) -> None:
@@ -224,7 +224,7 @@ class Session:
         self._where.clock.pardon(ended - started)
 
     def _now(self) -> RosTime:
-        """The time; where it went back, messages from before count no more."""
+        """Return the time; if it went back, forget all messages from before."""
         now = self._node.get_clock().now()
         if now.nanoseconds < self._now_ns:
             self._where.forget()
@@ -235,7 +235,7 @@ class Session:
         return now
 
     def _search(self, samples: Samples, silent: Mapping[str, str]) -> Tick:
-        """Spend the budget, or less if a signal comes."""
+        """Spend the budget, or less if a signal comes; return the tick."""
         distances = self._outputs.check_demand() or self.settings.record_distances
         self._distance_ticks += distances
         budget, spent, searched = self.settings.budget_s, 0.0, ()
@@ -275,7 +275,7 @@ class Session:
             logger.warning(f"and {len(changes) - LOGGED} more pairs changed their state")
 
     def _say_progress(self, progress: compiling.Progress) -> None:
-        """Publish that it is not ready yet, and why."""
+        """Publish that the node is not ready yet, and why."""
         doing = "preparing the search"
         if progress.started:
             doing = str(progress)
@@ -356,7 +356,7 @@ class Session:
         return "running again"
 
     def _dump_recording(self) -> Future:
-        """Write in a thread: a full recording takes seconds, and the watch goes on meanwhile."""
+        """Write the recording in a thread, because it may take seconds; return a future."""
         name, settings = self._node.get_fully_qualified_name(), self.settings
         taken, done = self._recording.snapshot(), Future(executor=self._node.executor)
 
@@ -373,5 +373,5 @@ class Session:
 
 
 def _effort(settings: Settings) -> tuple[float | None, ...]:
-    """The settings that decide how long a search takes."""
+    """Return the settings that decide how long a search takes."""
     return settings.budget_s, settings.rel_err, settings.abs_err

@@ -1,11 +1,12 @@
 """The monitor's subscriptions: messages are checked, then kept, or refused and counted.
 
-Poses come one body a message on each body's topic, all in one `geometry_msgs/PoseArray` on
-``poses`` (in the scene's order of moving bodies), by `sensor_msgs/JointState` for robots, whose
-roots may have a topic of their own, or by /tf. What shapes a deforming body comes as
-`sensor_msgs/PointCloud2` in the model's frame, named like the body or not at all, and metres: a
-mesh's vertices on ``bodies/<name>/vertices``, a surface's control points on
-``bodies/<name>/control``.
+Poses come in four ways: one body per message on each body's topic; all in one
+`geometry_msgs/PoseArray` on ``poses``, in the scene's order of moving bodies; by
+`sensor_msgs/JointState` for robots, whose roots may have a topic of their own; or by /tf.
+
+The shape of a deforming body comes as `sensor_msgs/PointCloud2`, in metres and in the model's
+frame, whose frame_id is the body's name or empty: a mesh's vertices on ``bodies/<name>/vertices``,
+other models' control points on ``bodies/<name>/control``.
 """
 
 from __future__ import annotations
@@ -51,12 +52,12 @@ class Sources:
         Args:
             node: creates the subscriptions.
             scene: gives the topics.
-            models: by body; those of deforming bodies say how many points are expected.
+            models: by body; a deforming body's model says how many points are expected.
             settings: give the frame and the sources to use.
             inputs: keeps the poses.
-            incompatible: counts publishers that do not fit.
+            incompatible: counts publishers whose quality of service does not fit.
             deform: takes a deforming body's name and control points, (n, 3) metres.
-            on_poses: called after each message that may have brought poses.
+            on_poses: called after each message that brought good poses.
 
         Raises:
             ValueError: /tf is asked for, and tf2_msgs is not installed; or one topic would carry
@@ -73,7 +74,7 @@ class Sources:
         self._subscriptions = []
         self._roots = {robot.name: robot.root for robot in scene.robots if robot.root is not None}
         self._frames = {name: [name] for name in inputs.names}
-        """The bodies and robots' roots that a frame on /tf moves, by frame."""
+        """The bodies and robots' roots that a frame on /tf moves, by name of the frame."""
         for name, root in self._roots.items():
             self._frames.setdefault(root.frame, []).append(name)
         self.topics: set[str] = set()
@@ -158,7 +159,7 @@ class Sources:
             self._inputs.refuse(reason)
 
     def _take_points(self, name: str, count: int, message: PointCloud2) -> str | None:
-        """Reshape a body, or return why not."""
+        """Reshape a body; return why its message is refused, or None."""
         stamp_ns = message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
         if message.header.frame_id not in ("", name):
             return Reason.FRAME
@@ -195,13 +196,13 @@ class Sources:
 def _check_topics(
     node: Node, scene: Scene, models: Mapping[str, engine.Model], settings: Settings
 ) -> None:
-    """Refuse two types of messages on one topic, of which the middleware tells nothing.
+    """Refuse two types of messages on one topic, which the middleware does not report.
 
-    Nor may two bodies share one. The scene's file is checked for that, but only a node knows which
-    names are of one topic.
+    Also refuse a pose topic that two bodies share. The scene file is checked for that as well, but
+    only a node knows which names mean the same topic.
     """
     wanted: list[tuple[str, type, str]] = [("poses", PoseArray, "the poses of all bodies")]
-    poses: set[str] = set()  # of bodies
+    poses: set[str] = set()  # the entries of `wanted` about bodies' poses
     for robot in scene.robots:
         wanted.append((robot.topic, JointState, f"the joints of {robot.name}"))
         if robot.root is not None:

@@ -1,4 +1,4 @@
-"""Running nodes until they are told to stop."""
+"""Runs nodes until they are told to stop."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ POLL_S = 0.1
 do not run while it waits."""
 
 AGAIN_S = 0.2
-"""Seconds after which a signal interrupts a computation that goes on."""
+"""Seconds after which a signal interrupts a computation once more if it still runs."""
 
 
 class Stop:
@@ -35,8 +35,8 @@ class Stop:
         self.by = ""
         """The signal's name."""
         self.cut: list[FrameType | None] = []
-        """The frames of computations that it interrupted. Kept, so that nothing in them is ever
-        destroyed: see `leave_with`."""
+        """The frames of computations that signals interrupted. They are kept, so that nothing in
+        them is ever destroyed: see `leave_with`."""
 
     def on_signal(self, number: int, frame: FrameType | None) -> None:
         """Take a signal."""
@@ -44,7 +44,7 @@ class Stop:
         if number != signal.SIGALRM:
             self.by = signal.Signals(number).name
         if _computing:
-            # And again soon: an import under `except BaseException` swallows the interrupt.
+            # Interrupt again soon, because an import under `except BaseException` swallows it.
             signal.setitimer(signal.ITIMER_REAL, AGAIN_S)
             self.cut.append(frame)
             raise KeyboardInterrupt
@@ -64,7 +64,7 @@ def interruptible() -> Iterator[None]:
     """Let a signal end the long computation in this context with KeyboardInterrupt.
 
     It must be pure computation: an exception in the middle of rclpy's or the middleware's code
-    leaves that broken, so everywhere else a signal waits for the present callback to end.
+    leaves these in a broken state. Everywhere else a signal waits until the present callback ends.
     """
     global _computing
     if _current.asked:
@@ -73,8 +73,8 @@ def interruptible() -> Iterator[None]:
     try:
         yield
     except Exception as error:
-        # The interrupt may come up as another error: numba's compiler and readers of files take
-        # whatever is raised below them for a fault in their input.
+        # The interrupt may arrive as another error: numba's compiler and the file readers report
+        # whatever is raised below them as an error in their input.
         if _current.asked:
             raise KeyboardInterrupt from error
         raise
@@ -89,9 +89,9 @@ def interruptible() -> Iterator[None]:
 def ros(args: Sequence[str] | None = None, name: str = "") -> Iterator[Stop]:
     """Initialise rclpy for a program that SIGINT and SIGTERM end without an error.
 
-    If it has a `name`, it prints a line that it ended so. rclpy's own handlers shut the context
-    down under a callback that is still publishing; with these, a tick ends first, and nodes can
-    clean up. A process runs one such program at a time.
+    If `name` is given, a line says which signal ended the program. rclpy's own handlers shut the
+    context down while a callback still publishes. With the handlers here, a tick ends first, and
+    nodes can clean up. A process runs one such program at a time.
     """
     global _current
     stop = _current = Stop()
@@ -111,16 +111,17 @@ def ros(args: Sequence[str] | None = None, name: str = "") -> Iterator[Stop]:
             sys.unraisablehook = complain
         if stop.cut:
             leave_with(0)
-        gc.freeze()  # else Python searches all objects once more at the end, for half a second
+        gc.freeze()  # else Python searches all objects once more at exit, for half a second
         for kind, handler in zip(kinds, before, strict=True):
             signal.signal(kind, handler)
 
 
 def _unraisable(complain: Callable[[Any], None], told: Any) -> None:
-    """Do not report what an interrupt leaves behind.
+    """Report an error that cannot be raised, unless a signal asked to stop.
 
-    That is the interrupt itself where Python cannot raise it, as in a callback from C; and objects
-    whose constructors it cut, such as llvmlite's, of which the destructors fail as late as at exit.
+    An interrupt causes two kinds of such errors: the interrupt itself, if Python cannot raise it,
+    as in a callback from C; and failures of destructors, even at exit, of objects whose
+    constructors were interrupted, such as llvmlite's.
     """
     if not _current.asked:
         complain(told)
@@ -129,8 +130,8 @@ def _unraisable(complain: Callable[[Any], None], told: Any) -> None:
 def spin(nodes: Sequence[Node], stop: Stop, done: Callable[[], bool] | None = None) -> None:
     """Run the nodes' callbacks in this thread until a signal comes or `done()` is true."""
     executor = SingleThreadedExecutor()
-    # All objects that exist now, half a million of them numba's, stay to the end: a collection that
-    # searches them takes longer than many a tick.
+    # All objects that exist now, half a million of them numba's, stay to the end. Freeze them,
+    # because a collection that searches them can take longer than a tick.
     gc.collect()
     gc.freeze()
     try:

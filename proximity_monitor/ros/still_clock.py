@@ -1,8 +1,8 @@
 """A watchdog on simulated time.
 
-The age of an input is a difference of two times of the node's clock. If that clock is /clock and it
-stands still, no input ever grows old, so this watchdog measures /clock by steady time. It cannot
-tell a paused simulation from a slow or a dead one; in each case the bodies may be anywhere.
+The age of an input is a difference of two times of the node's clock. If the node's clock is /clock
+and stands still, no input ever grows old, so this watchdog measures /clock by steady time. It
+cannot tell a paused simulation from a slow or a dead one; in each case the bodies may be anywhere.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ class StillClock:
         self._since_s = time.monotonic()
         self._pardoned = False
         self.still = False
-        """What the last `update` found."""
+        """Whether the clock stood still at the last `update`."""
 
     def update(self, now_ns: int, timeout_s: float) -> bool:
         """Take the time `now_ns`; return whether the clock has just stopped or started again.
 
-        It stands still once it has shown one time for more than `timeout_s` seconds of steady time.
+        It stands still if it has shown one time for more than `timeout_s` seconds of steady time.
         """
         steady_s = time.monotonic()
         if now_ns != self._now_ns:
@@ -40,9 +40,10 @@ class StillClock:
         return self.still is not before
 
     def pardon(self, seconds: float) -> None:
-        """Leave out a time in which the node was busy and could not hear /clock.
+        """Do not count a time in which the node was busy and could not hear /clock.
 
-        Only once until it is heard again: between two ticks it could be.
+        This applies once until /clock changes again, because the node can hear /clock between two
+        ticks.
         """
         if not self._pardoned:
             self._since_s += seconds

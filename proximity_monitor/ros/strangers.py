@@ -1,4 +1,4 @@
-"""Strangers in the graph: poses of unknown bodies, and nodes of the same name."""
+"""Finds strangers in the graph: publishers of unknown bodies' poses, and nodes of the same name."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from rclpy.node import Node
 
 
 def strangers(node: Node, heard: Collection[str]) -> list[tuple[str, bytes]]:
-    """Return the publishers of unheard topics bodies/*/pose in the node's namespace.
+    """Return the publishers of topics bodies/*/pose in the node's namespace that it does not hear.
 
     Args:
         node: knows the graph.

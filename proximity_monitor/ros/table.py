@@ -20,7 +20,7 @@ _STYLES = {"stop": "bold red", "warn": "bold yellow", "stale": "bold magenta", "
 _COLUMNS = ("pair", "clearance", "status", "state", "session minimum")
 _LENGTHS = (1, 4)
 _ALERTS = 3
-"""How many of the last alerts are shown live, and of each kind in the summary."""
+"""How many of the last alerts are shown live, and how many of each kind in the summary."""
 
 
 @dataclass
@@ -83,7 +83,7 @@ class Picture:
         )
 
     def count(self) -> str:
-        """Return one line: how many pairs there are, and the states of the listed ones."""
+        """Return one line: how many pairs there are, and the states of the listed pairs."""
         listed = Counter(_values(status)["state"] for status in self._pairs)
         states = ", ".join(f"{listed[state]} {state}" for state in _STYLES if listed[state])
         if not self._clearance:
@@ -94,10 +94,10 @@ class Picture:
         return f"{watched}: {', '.join(filter(None, (states, far)))}"
 
     def rows(self, limit: int) -> list[tuple[str, ...]]:
-        """Return texts, one a column, of the pairs that may be nearest, the nearest first.
+        """Return the texts of the columns for the pairs that may be nearest, the nearest first.
 
         Args:
-            limit: how many pairs at most. Those without a pose come last.
+            limit: how many pairs at most. Pairs without a pose come last.
         """
         told = [(status.name, _values(status)) for status in self._pairs]
         told.sort(key=_nearness)
@@ -113,9 +113,9 @@ class Picture:
         ]
 
     def changes(self) -> list[str]:
-        """Return a line for each kind of alert: how many there were, of which pairs, and why.
+        """Return a line for each kind of alert: how many there were, for which pairs, and why.
 
-        Only the last ones are named, and each pair once.
+        Only the last few pairs are named, each once.
         """
         kinds: dict[str, list[DiagnosticStatus]] = {}
         for alert in self.alerts:
@@ -135,7 +135,7 @@ class Picture:
         return [(name, self._length(least)) for least, name in sorted(known)[:limit]]
 
     def plain(self, limit: int) -> str:
-        """Return the picture as lines, with so many pairs at most."""
+        """Return the picture as lines, with at most `limit` pairs."""
         rows = [tuple(self._titles()), *self.rows(limit)]
         widths = [max(len(row[i]) for row in rows) for i in range(len(_COLUMNS))]
         lines = [
@@ -146,11 +146,11 @@ class Picture:
         return "\n".join([*head, *(line.rstrip() for line in lines), *self._rest(limit)])
 
     def rich(self, height: int) -> Group:
-        """Return the picture for a terminal of so many lines."""
+        """Return the picture for a terminal of `height` lines."""
         head = [Text(self.what_runs, style="dim"), Text(self.header()), Text(self.count())]
         head += [Text(line, style="yellow") for line in self._warnings()]
         last = [Text(f"{a.name}: {a.message}", style="dim") for a in self.alerts[-_ALERTS:]]
-        # Titles, the line beneath them, the line about further pairs, and the cursor's.
+        # Four lines: titles, the line beneath them, the line about further pairs, the cursor's.
         limit = max(height - len(head) - len(last) - 4, 1)
         table = Table(show_edge=False, pad_edge=False)
         for i, title in enumerate(self._titles()):
@@ -181,7 +181,7 @@ class Picture:
         return [f"  and {more} more pairs, none of them nearer"] if more > 0 else []
 
     def _warnings(self) -> list[str]:
-        """The complaints of the diagnostics, which are up to a second older than the pairs."""
+        """Return the diagnostics' warnings, which are up to a second older than the pairs."""
         heard = self._silent and all(_values(pair)["state"] != "stale" for pair in self._pairs)
         return [
             f"{task}: {text}"
@@ -195,7 +195,7 @@ def _values(status: DiagnosticStatus) -> dict[str, str]:
 
 
 def _nearness(pair: tuple[str, Mapping[str, str]]) -> tuple[float, float, str]:
-    """Sorts pairs by their lower bound, then by their upper bound, then by name."""
+    """Return a sort key: the lower bound, then the upper bound, then the name."""
     name, values = pair
     lower, upper = float(values["lower_m"]), float(values["upper_m"])
     return (math.inf, math.inf, name) if math.isnan(lower) else (lower, upper, name)

@@ -1,4 +1,4 @@
-"""When to tick: regularly, and at once where new poses ask for it."""
+"""Decides when to tick: regularly, and at once if new poses ask for it."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Ticking:
     def __init__(
         self, node: Node, rate_hz: float, inputs: Inputs, tick: Callable[[], None]
     ) -> None:
-        """Create the timer, which does not run yet; `tick` is what it is for."""
+        """Create the timer, which does not run yet; it will call `tick`."""
         self.on_pose = True
         self.paused = False
         self._node = node
@@ -31,7 +31,7 @@ class Ticking:
         self._inputs = inputs
         self._tick = tick
         self._pace = Pace(rate_hz)
-        self._irregular = False  # the timer rings sooner or later, see `take_poses`
+        self._irregular = False  # the timer rings earlier or later once: see `take_poses`
         self._timer = node.create_timer(
             1.0 / rate_hz,
             self._on_timer,
@@ -45,7 +45,7 @@ class Ticking:
         return self._timer.is_canceled()
 
     def start(self) -> None:
-        """Let it run."""
+        """Start the timer."""
         self._ring(1.0)
 
     def stop(self) -> None:
@@ -57,7 +57,7 @@ class Ticking:
         self._node.destroy_timer(self._timer)
 
     def limit(self, rate_hz: float) -> None:
-        """Tick so many times a second from now on."""
+        """Tick `rate_hz` times a second from now on."""
         if rate_hz != self._rate_hz:
             self._rate_hz = rate_hz
             self._pace.limit(rate_hz)
@@ -65,15 +65,16 @@ class Ticking:
                 self._ring(1.0)  # else the old period has to end first
 
     def take_poses(self) -> None:
-        """Tick at once if all bodies have new poses, or one that rested has moved.
+        """Tick at once if all bodies have new poses, or if a body that rested has moved.
 
-        The timer then waits half a period longer for the next poses. If they come at just the tick
-        rate, it would otherwise ring just before them, and its tick, which finds nothing new, would
-        keep them waiting.
+        The timer then waits half a period longer for the next poses. If poses come at just the tick
+        rate, the timer would otherwise ring just before them, and its tick, which finds nothing
+        new, would keep them waiting.
 
-        What may not tick yet does so as soon as it may if a body has moved from rest, as in a hand:
-        somebody waits for that. Else it waits for the next poses of all bodies, so that after a
-        tick out of turn those are again as new as can be.
+        The pace may not allow a tick yet. If a body has moved from rest, as when a user drags it,
+        the tick then follows as soon as it is allowed, because the user waits for it. If not, the
+        tick waits for the next poses of all bodies, so that its poses are as new as possible even
+        after an irregular tick.
         """
         inputs = self._inputs
         if not self.on_pose or self.paused or self.stopped:
@@ -92,7 +93,7 @@ class Ticking:
             inputs.renew()
 
     def _ring(self, periods: float) -> None:
-        """Let the timer ring after so many periods, and then every period."""
+        """Let the timer ring after `periods` periods, and then every period."""
         self._irregular = periods != 1.0
         self._timer.timer_period_ns = max(int(1e9 * periods / self._rate_hz), 1)
         self._timer.reset()
@@ -101,6 +102,6 @@ class Ticking:
         if self._irregular:
             self._ring(1.0)
         if self.on_pose and self._inputs.woken:
-            self.take_poses()  # it rings for that, and the tick counts as one that poses ask for
+            self.take_poses()  # the timer was set for this; the tick counts for the pace
         elif not self.paused:
             self._tick()

@@ -1,4 +1,4 @@
-"""Where the bodies are, how sure that is, and which pairs therefore need no watch."""
+"""Where the bodies are, how certain that is, and which pairs need no watch for that reason."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from proximity_monitor.scene.watch import UNWATCHED
 
 
 class Whereabouts:
-    """Joins the inputs of bodies, their attachments, and whether time goes on."""
+    """Combines the inputs of bodies, their attachments, and the watchdog on the clock."""
 
     unwatched: Mapping[int, str]
     """Why pairs are not watched now, by index."""
     joined: tuple[int, ...]
-    """Those of them whose bodies are attached to each other, in order."""
+    """The indices of unwatched pairs whose bodies are attached to each other, in order."""
 
     def __init__(
         self,
@@ -35,7 +35,7 @@ class Whereabouts:
         """Begin without attachments.
 
         Args:
-            node: its clock counts.
+            node: gives its clock and its log.
             scene: gives bodies and pairs.
             inputs: the poses, and how fresh they are.
             clouds: the bodies that are point clouds.
@@ -59,7 +59,7 @@ class Whereabouts:
         }
 
     def samples(self, now_ns: int) -> Samples:
-        """Return the poses of all moving bodies; attached ones and clouds are carried."""
+        """Return the poses of all moving bodies, after carrying attached bodies and clouds."""
         self._look_at_clock(now_ns)
         samples = self.attachments.carry(self._inputs.samples(now_ns), self._together)
         held = self.attachments.held
@@ -70,13 +70,13 @@ class Whereabouts:
         return samples
 
     def silent(self, samples: Samples, now_ns: int) -> dict[str, str]:
-        """Return why bodies are not to be relied on, by name."""
+        """Return why bodies are unreliable, by name."""
         if self.clock.still:
             return dict.fromkeys(self._changeable, REASON)
         return self._inputs.silent(samples, now_ns)
 
     def attach(self, parents: Mapping[str, str], now_ns: int) -> None:
-        """Attach bodies to these parents, from the moment when their poses are known."""
+        """Attach bodies to these parents, each from the moment when both poses are known."""
         before, carried = self.attachments.held, self.samples(now_ns)
         roots = {child: self.attachments.root(child) for child in before}
         self.attachments.want(parents)
@@ -87,9 +87,9 @@ class Whereabouts:
         self.samples(now_ns)
 
     def course(self, name: str) -> Course | None:
-        """Return how a body moved last, or None if that is unknown."""
+        """Return a body's last motion, or None if it is unknown."""
         if name in self._clouds.dropped:
-            return None  # it has other points each time
+            return None  # a cloud has other points each time
         root = self.attachments.root(name)
         fixed = self._fixed.get(root)
         return fixed or self.attachments.course(name, self._inputs.course(root))
@@ -106,7 +106,7 @@ class Whereabouts:
         self.attachments.forget()
 
     def _together(self, parent: str, child: str) -> tuple[np.ndarray, np.ndarray]:
-        """Return the poses that say where on its parent a child is; tell if they may not."""
+        """Return the poses that place a child on its parent; warn if they are of two moments."""
         *poses, apart_s = self._inputs.together(parent, child)
         if apart_s:
             self._log.warning(
@@ -123,7 +123,7 @@ class Whereabouts:
                 self._log.info("/clock goes on")
 
     def _leave_out(self, held: Mapping[str, str], absent: frozenset[str]) -> None:
-        """Do not watch attached bodies against each other, nor clouds without points."""
+        """Stop watching attached bodies against each other, and clouds without points."""
         if (held, absent) == self._unwatched_for:
             return
         self._unwatched_for, unwatched = (held, absent), {}
@@ -139,7 +139,7 @@ class Whereabouts:
         self._ignore(unwatched)
 
     def _pairs_of(self, name: str, others: np.ndarray) -> Iterator[tuple[int, int]]:
-        """The watched pairs of a body with others (k,), by index; and which of these it is."""
+        """Yield the watched pairs of a body with `others` (k,): pair's index and other body."""
         own = self._at[name]
         others = others[others != own]
         a, b = np.minimum(others, own), np.maximum(others, own)

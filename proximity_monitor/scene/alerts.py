@@ -2,9 +2,9 @@
 
 A pair is judged by its certified lower bound, so it is clear only when that is certain. A bound
 equal to a threshold triggers at once. A level is released only when the bound has stayed above its
-threshold plus the hysteresis for `hold_s`; a distance that trembles about a threshold gives one
+threshold plus the hysteresis for `hold_s`, so a distance that varies about a threshold gives one
 alert and not thirty a second. A pair that a tick does not list is certified to be farther apart
-than any of these.
+than all these limits, unless a body is silent.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class Alert:
     """One change of level of one pair."""
 
     index: int
-    """The pair's place in the scene."""
+    """The pair's position among the scene's pairs."""
     a: str
     b: str
     old: Level
@@ -62,22 +62,22 @@ class Alert:
     pair."""
     upper: float
     reason: str
-    """One line for people, lengths in the scene's unit."""
+    """One line for the user, with lengths in the scene's unit."""
     motion: RelativeMotion | None = None
     """How the two bodies move relative to each other; None if the tick did not list the pair."""
     seconds_left: float = math.nan
-    """Until the lower bound reaches the next threshold at the present closing speed: stop while at
-    warn, contact while at stop. NaN unless the bodies approach."""
+    """Seconds until the lower bound reaches the next threshold at the present closing speed: the
+    stop threshold at level warn, contact at level stop. NaN unless the bodies approach."""
 
 
 @dataclass(slots=True)
 class _Held:
-    """What is remembered of a pair that is not clear."""
+    """Memory about a pair that is not clear."""
 
     level: Level
     """The last level other than stale."""
     above_stop_s: float = math.nan
-    """Since when the bound is above stop + hysteresis without a break; NaN while it is not."""
+    """Time since which the bound is above stop + hysteresis without a break; NaN if it is not."""
     above_warn_s: float = math.nan
 
 
@@ -89,15 +89,15 @@ class Alerts:
         self._pairs = pairs
         self._unit = unit
         self._levels: dict[int, Level] = {}
-        self._unclear: dict[int, Level] = {}  # those of them that are not clear
+        self._unclear: dict[int, Level] = {}  # those in _levels that are not clear
         self._held: dict[int, _Held] = {}
-        self._unlisted = Level.STALE  # of pairs that are not in _levels
+        self._unlisted = Level.STALE  # level of all pairs that are not in _levels
         self._thresholds: Sequence[Thresholds] = ()
-        self._warn = np.empty(0)  # of the thresholds, to find the pairs that need a closer look
+        self._warn = np.empty(0)  # warn thresholds, to find the pairs that must be judged
 
     @property
     def levels(self) -> Mapping[int, Level]:
-        """Levels by index, of the pairs that the last tick listed and all that are not clear."""
+        """Levels by index, for the pairs that the last tick listed and all that are not clear."""
         return MappingProxyType(self._levels)
 
     @property
@@ -122,14 +122,14 @@ class Alerts:
             thresholds: one for each pair of the scene, the same that the monitor has; they may
                 differ from those of the last call.
             now_s: seconds of a clock that never goes back.
-            courses: of the bodies at the tick's poses, for how the alerts' pairs move.
-            unwatched: the reason, a few words, by the index of each pair that is not watched now.
-                The tick does not list these pairs.
-            silent: the reason, such as "no recent pose", by silent body.
+            courses: the bodies' courses up to the tick's poses, for the motion in alerts.
+            unwatched: by the index of each pair that is not watched now, the reason in a few
+                words. The tick does not list these pairs.
+            silent: by the name of each silent body, the reason, such as "no recent pose".
         """
         changes = []
         pairs = as_arrays(tick.pairs)
-        # Pairs that are clear are many, so they are gone through in C alone.
+        # Most pairs are clear; no Python loop runs over them.
         before, clear = self._levels, Level.CLEAR
         levels = dict.fromkeys(pairs.positions.tolist(), clear)
         as_silent = self._as_silent(pairs)
@@ -158,7 +158,7 @@ class Alerts:
         return changes
 
     def interrupt(self) -> None:
-        """Note that nothing was watched for a while: no pair counts as clear since before that."""
+        """Note that nothing was watched for a while: the times for `hold_s` begin anew."""
         for held in self._held.values():
             held.above_stop_s = held.above_warn_s = math.nan
 
@@ -173,12 +173,12 @@ class Alerts:
     def _suspects(
         self, pairs: PairStates, thresholds: Sequence[Thresholds], among: np.ndarray
     ) -> list[int]:
-        """Return the places of those pairs `among` (k,) that may not be clear any more."""
+        """Return the places of the pairs in the mask `among` (k,) that may not be clear."""
         if thresholds is not self._thresholds:
             self._thresholds = thresholds
             self._warn = np.array([limits.warn for limits in thresholds])
         if self._unlisted is not Level.CLEAR:
-            return np.flatnonzero(among).tolist()  # of the first tick every change is told
+            return np.flatnonzero(among).tolist()  # the first tick reports every change
         suspect = ~(pairs.lower > self._warn[pairs.positions]) | pairs.unsure
         suspect |= pairs.status == _INTERSECTING
         if self._unclear:
@@ -206,7 +206,7 @@ class Alerts:
         unwatched: str | None,
         silent: Mapping[str, str],
     ) -> tuple[Level, str, float]:
-        """Judge an unlisted pair that was not clear; returns level, reason and lower bound."""
+        """Judge an unlisted pair that was not clear; return level, reason and lower bound."""
         held, watched = self._held.get(i), self._pairs[i]
         names = [name for name in (watched.a, watched.b) if name in silent]
         if names and unwatched is None:
@@ -217,7 +217,7 @@ class Alerts:
             new, reason, lower = Level.CLEAR, unwatched, math.nan
         else:
             lower = max(watched.range, limits.warn + limits.hysteresis)
-            # It is farther apart than that, so its bound exceeds whatever it is compared with.
+            # The pair is farther apart than this, so its bound exceeds every limit: pass inf.
             new, reason = self._step(held, math.inf, limits, now_s, None)
             if new is Level.CLEAR:
                 reason = f"farther than {self._length(lower)}"
@@ -240,7 +240,7 @@ class Alerts:
         now_s: float,
         pair: PairState | None,
     ) -> tuple[Level, str]:
-        """Return the level that follows a held one, and why; `pair` is None if it is not listed."""
+        """Return the next level of a pair, and the reason; `pair` is None if it is not listed."""
         if held is not None:
             above = lower > limits.stop + limits.hysteresis
             held.above_stop_s = _since(held.above_stop_s, above, now_s)

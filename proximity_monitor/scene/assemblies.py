@@ -1,4 +1,4 @@
-"""A body whose model file is an assembly: one body for each part, where the file places it."""
+"""Splits a body whose model file is an assembly: one body per part, placed as in the file."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ def parts_of(
     read_topic: Callable[[str, Keys, Report], str],
     taken: Collection[str],
 ) -> Iterator[Body]:
-    """The bodies that one of the file is: the parts of its model, or itself.
+    """Yield the bodies that a scene file's body stands for: its model's parts, or the body itself.
 
-    They have the names and colours of the file, unless the scene gives a colour, and NAME/PART
-    where a name is `taken` by the assembly itself or by bodies above it. `pose` is that of the
-    assembly; parts in `moving_parts`, or with `moving` all, have topics of their own, and their
-    poses are those of their own frames. Problems go to the report.
+    A part has its name and colour from the model file, unless the scene gives a colour. It is named
+    NAME/PART if its own name is `taken` by the assembly itself or by earlier bodies. The key `pose`
+    is the pose of the assembly. The parts in `moving_parts`, or all parts with `moving`, have
+    topics of their own, and their poses are those of their own frames. Problems go to the report.
     """
     placements: list[engine.Placement] = []
     if body.model is not None and data.get("parts", True):
@@ -47,7 +47,7 @@ def parts_of(
     for missing in loose - {*names, *(each.name for each in placements)}:
         report.add((*keys, "moving_parts"), f"there is no part '{missing}'", (missing, names))
     for name, placed in zip(names, placements, strict=True):
-        # A body's own name means it alone; another one of the file means all parts called so.
+        # A body's name means that body alone; a part's name from the file means all such parts.
         moves = body.moving or name in loose or placed.name in loose.difference(names)
         pose = topic = None
         if moves:
@@ -62,7 +62,7 @@ def parts_of(
 
 
 def _names(whole: str, parts: list[str], taken: Collection[str]) -> list[str]:
-    """The parts' own names, as far as a body may have them and no other has them."""
+    """Return the parts' names: their own, changed if not allowed, taken, or used before."""
     made: list[str] = []
     for part in parts:
         own = fitting(part)

@@ -1,9 +1,9 @@
-"""Attachments: bodies that are carried by others while an assembly step joins them.
+"""Attachments: bodies that other bodies carry while an assembly step joins them.
 
 A child follows its parent from the moment when both poses are known and fresh. It keeps the pose
-that it has in the parent's frame, by poses of one moment as far as they are known. Its own poses
-are ignored until it is detached. A parent may be another body's child; a fixed body may be a
-parent, but not a child. A child is as stale as its parent.
+that it then has in the parent's frame, which is computed from poses of one moment if these are
+known. Its own poses are ignored until it is detached. A parent may be another body's child; a fixed
+body may be a parent, but not a child. A child is stale if its parent is stale.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ from proximity_monitor.scene.state import PoseSample
 Samples = dict[str, PoseSample | None]
 
 Together = Callable[[str, str], tuple[np.ndarray, np.ndarray]]
-"""Returns the poses (4, 4) at one moment of two moving bodies that are not carried."""
+"""Returns the poses (4, 4) of two moving bodies at one moment; neither body is carried."""
 
 
 @dataclass(slots=True)
 class _Hold:
-    """A held child: its pose in its parent's frame, and where that put it last."""
+    """A held child: its pose in its parent's frame, and its last pose in the world."""
 
     offset: np.ndarray
     parent_pose: np.ndarray | None = None
     pose: np.ndarray | None = None
 
     def put(self, parent_pose: np.ndarray) -> np.ndarray:
-        """Return the child's pose, as the same array while the parent's is the same."""
+        """Return the child's pose: the same array again if the parent's is the same array."""
         if parent_pose is not self.parent_pose:
             self.parent_pose, self.pose = parent_pose, parent_pose @ self.offset
         return self.pose
@@ -46,24 +46,24 @@ class Attachments:
         """Begin with no body of the scene attached."""
         self._fixed = {b.name: PoseSample(b.pose) for b in bodies if not b.moving}
         self._moving = {body.name: body for body in bodies if body.posed}
-        self._parents: dict[str, str] = {}  # each after its own parent
+        self._parents: dict[str, str] = {}  # parent by child; a child follows its own parent
         self._holds: dict[str, _Hold] = {}
 
     @property
     def held(self) -> Mapping[str, str]:
-        """The parent by child, of children that are carried now."""
+        """The parent by child, for children that are carried now."""
         return {child: self._parents[child] for child in self._holds}
 
     @property
     def waiting(self) -> Mapping[str, str]:
-        """The parent by child, of children that will be carried once both poses are fresh.
+        """The parent by child, for children that will be carried once both poses are fresh.
 
-        Until then its own poses count, and its pair with the parent is watched.
+        Until then the child's own poses count, and its pair with the parent is watched.
         """
         return {c: parent for c, parent in self._parents.items() if c not in self._holds}
 
     def refusal(self, parents: Mapping[str, str]) -> str:
-        """Return a sentence that says why these attachments are impossible; empty if they are not.
+        """Return a sentence that says why these attachments are impossible; empty if possible.
 
         Args:
             parents: the parent by child; both may be anything that a user typed.
@@ -88,7 +88,8 @@ class Attachments:
     def want(self, parents: Mapping[str, str]) -> None:
         """Attach children to these parents from now on.
 
-        A child that had this parent before stays where it is; one without a parent is free.
+        A child that had the same parent before stays where it is. A body that `parents` does not
+        name as a child is free.
 
         Raises:
             ValueError: as `refusal` says; nothing has changed.
@@ -114,9 +115,9 @@ class Attachments:
         A waiting child is held from now on if both poses are known and fresh.
 
         Args:
-            samples: of all moving bodies by name.
-            together: asked once when a child is held, because samples may be of different moments;
-                None: they are not.
+            samples: the pose samples of all moving bodies by name.
+            together: called once when a child begins to be held, because samples may be of
+                different moments; None: they are all of one moment.
         """
         if not self._parents:
             return samples
@@ -133,7 +134,7 @@ class Attachments:
                     base, pose = together(root, child)
                     at = base @ self._on_root(parent), pose
                 hold = self._holds[child] = _Hold(_offset(*at))
-            # A parent that lost its pose, as after a jump of the clock, takes its children along.
+            # If a parent loses its pose, as after a clock jump, so do its children.
             carried[child] = above and PoseSample(hold.put(above.pose), above.stale)
         return carried
 
@@ -144,7 +145,7 @@ class Attachments:
         return name
 
     def course(self, name: str, root: Course | None) -> Course | None:
-        """Return the course of a body from that of its `root`."""
+        """Return the course of a body, computed from the course of its `root`."""
         if root is None or name not in self._holds:
             return root
         offset = self._on_root(name)
@@ -166,8 +167,8 @@ class Attachments:
 def _offset(parent: np.ndarray, child: np.ndarray) -> np.ndarray:
     """Return the child's pose in the parent's frame, its rotation made exactly orthogonal.
 
-    Both rotations may be off by as much as a pose may be. Their product could be off by more, and
-    that of a chain by more still.
+    Each rotation may deviate from an orthogonal one by the tolerance of poses. The product of two
+    could deviate by more, and the product of a chain by more still.
     """
     offset = np.eye(4)
     u, _, v = np.linalg.svd(parent[:3, :3].T @ child[:3, :3])

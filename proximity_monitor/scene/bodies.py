@@ -1,4 +1,4 @@
-"""The `bodies` section: from checked data to Body records."""
+"""The `bodies` section: makes Body records from checked data."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ _GREY = (0.7, 0.7, 0.7, 1.0)
 _TOPIC = re.compile(r"(~/|/)?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*")
 
 _LONGEST_TOPIC = 200
-"""Characters; DDS allows 255 with the node's namespace and what ROS adds."""
+"""Characters of a topic; DDS allows 255, with the node's namespace and the parts that ROS adds."""
 
 
 def read_bodies(
     section: list[dict[str, Any]], folder: Path, unit: Unit, report: Report
 ) -> tuple[tuple[Body, ...], dict[str, list[str]]]:
-    """Make the bodies, and the group of each assembly's parts; problems go to the report."""
+    """Return the bodies, and the names of each assembly's parts; problems go to the report."""
     bodies: list[Body] = []
     groups: dict[str, list[str]] = {}
     names: dict[str, int] = {}
@@ -46,7 +46,7 @@ def read_bodies(
     for index, data in enumerate(section):
         keys = ("bodies", index)
         whole = _body(data, keys, folder, unit, report)
-        # Two bodies of one name also share their default topic; that is one problem, not two.
+        # Two bodies of one name also share their default topic; report one problem, not two.
         own = _unique(whole.name, names, (*keys, "name"), report)
         found = list(parts_of(whole, data, keys, report, read_topic, names))
         for body in found:
@@ -109,7 +109,7 @@ def _cloud(data: dict[str, Any], keys: Keys, unit: Unit, report: Report) -> Clou
 
 
 def check_clouds(bodies: tuple[Body, ...], count: int, report: Report) -> None:
-    """Report clouds in frames of no body; the file names the first `count` bodies."""
+    """Report clouds whose frame is no body; only the first `count` bodies can be clouds."""
     posed = [body.name for body in bodies if body.cloud is None]
     for index, body in enumerate(bodies[:count]):
         if body.cloud is not None and body.cloud.frame and body.cloud.frame not in posed:
@@ -161,7 +161,7 @@ def read_topic(topic: str, keys: Keys, report: Report) -> str:
 
 
 def read_solid(data: Mapping[str, Any], keys: Keys, report: Report) -> dict[str, Any]:
-    """Return whether a body or robot says that it is solid, as `Body.solid`."""
+    """Return the arguments `solid` and `solid_at` of `Body`; empty if the data has no `solid`."""
     if "solid" not in data:
         return {}
     return {"solid": data["solid"], "solid_at": report.place((*keys, "solid"))}

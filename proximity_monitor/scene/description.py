@@ -1,4 +1,4 @@
-"""What a scene file says, in SI units: metres, radians, seconds."""
+"""Records of what a scene file says, in SI units: metres, radians, seconds."""
 
 from __future__ import annotations
 
@@ -37,10 +37,10 @@ class Box:
 
 @dataclass(frozen=True)
 class Cylinder:
-    """About z, centred on the origin; lengths in metres.
+    """A cylinder about z, centred on the origin; lengths in metres.
 
-    With `segments` it is measured as a prism of so many sides. Its own surface is at most
-    ``radius * tan(pi / segments / 2) ** 2`` away from the prism's, and bounds are widened by that.
+    If `segments` is set, a prism with that many sides stands for it. The cylinder's surface is at
+    most ``radius * tan(pi / segments / 2) ** 2`` from the prism's; bounds are widened by that.
     """
 
     radius: float
@@ -51,7 +51,7 @@ class Cylinder:
 
 @dataclass(frozen=True)
 class Sphere:
-    """Around the origin; metres."""
+    """A sphere around the origin; metres."""
 
     radius: float
     subdivisions: int | None = None
@@ -64,18 +64,18 @@ class Capsule:
 
     radius: float
     length: float
-    """Of the segment; the capsule is longer by twice its radius."""
+    """Length of the segment; the capsule is longer by twice its radius."""
 
 
 @dataclass(frozen=True)
 class Cone:
-    """About z, centred on the origin, perhaps without its top; lengths in metres. Exact."""
+    """A cone or frustum about z, centred on the origin; lengths in metres. Exact."""
 
     radius: float
-    """At the lower end."""
+    """Radius at the lower end."""
     height: float
     top_radius: float = 0.0
-    """At the upper end; 0: an apex."""
+    """Radius at the upper end; 0: an apex."""
 
 
 @dataclass(frozen=True)
@@ -83,9 +83,9 @@ class Torus:
     """A ring about z, centred on the origin; metres. Exact."""
 
     radius: float
-    """From the axis to the middle of the tube."""
+    """Distance from the axis to the centre line of the tube."""
     tube: float
-    """Radius of the tube, at most that of the ring."""
+    """Radius of the tube, at most `radius`."""
 
 
 @dataclass(frozen=True)
@@ -95,16 +95,16 @@ class Point:
 
 @dataclass(frozen=True)
 class Part:
-    """One shape of a compound, placed in its frame."""
+    """One shape of a compound, placed in the compound's frame."""
 
     shape: Path | Box | Cylinder | Sphere | Capsule
     """A model file in metres, absolute, or a primitive."""
     scale: tuple[float, float, float]
-    """Factors along the shape's own axes, not 0; a negative one mirrors it."""
+    """Factors along the shape's own axes, not 0; a negative factor mirrors the shape."""
     xyz: tuple[float, float, float]
-    """Its origin, metres."""
+    """The shape's origin, metres."""
     rpy: tuple[float, float, float]
-    """Its orientation: turns about the fixed x, y and z axes in this order, radians."""
+    """The shape's orientation: turns about the fixed x, y and z axes in this order, radians."""
 
 
 @dataclass(frozen=True)
@@ -118,7 +118,7 @@ Primitive = Box | Cylinder | Sphere | Capsule | Cone | Torus | Point | Compound
 
 
 Solid = bool | Literal["robust"] | None
-"""Whether a model shall be a solid."""
+"""Whether a model must be a solid, as for `engine.load`; "robust" bridges holes in a mesh."""
 
 
 @dataclass(frozen=True)
@@ -128,47 +128,48 @@ class Cloud:
     topic: str
     radius: float
     frame: str
-    """The body whose frame the points are given in; empty: the fixed frame."""
+    """The body in whose frame the points are given; empty: the scene's frame."""
 
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """One body: its shape, and either a fixed pose or the topic that its poses come from."""
+    """One body: its shape, and either a fixed pose or the source of its poses."""
 
     name: str
     model: Path | None
     """An existing file, absolute; None for a primitive."""
     primitive: Primitive | None
     scale: float
-    """Factor on the shape, beside the scene's unit."""
+    """Factor on the shape, in addition to the scene's unit."""
     pose: np.ndarray | None
     """(4, 4) model to world in metres, read-only; None for a moving body."""
     topic: str | None
-    """Topic of the poses of a moving body; None for a fixed one, and for a robot's link, whose
-    poses follow from the positions of joints (see `Robot`)."""
+    """Topic of a moving body's poses. None for a fixed body, for a cloud, and for a robot's link,
+    whose poses follow from joint positions (see `Robot`)."""
     colour: tuple[float, float, float, float]
     """Red, green, blue, opacity, each 0 to 1."""
     solid: Solid = None
-    """Whether it must be a solid, as for `engine.load`; None: if its model encloses one."""
+    """Whether it must be a solid, as for `engine.load`; None: it is if its model encloses one."""
     solid_at: str = ""
-    """Where the file says so."""
+    """The place in the file that sets `solid`, for messages."""
     deviation: float = 0.0
-    """How far the surface of the model may be from that of the thing, metres."""
+    """How far the model's surface may be from that of the part it stands for, metres."""
     deforming: bool = False
     """Whether its control points change while the monitor runs."""
     part: str | None = None
-    """Which part of an assembly its model is, as for `engine.load`; None: all of the file."""
+    """Which part of an assembly its model is, as for `engine.load`; None: the whole file."""
     cloud: Cloud | None = None
-    """Where its shape comes from if it is a point cloud; `primitive` is a point until then."""
+    """Source of its points if it is a point cloud; its `primitive` is then a point, for the time
+    before the first cloud arrives."""
 
     @property
     def moving(self) -> bool:
-        """Whether it may be elsewhere at any time."""
+        """Whether it can move: it has no fixed pose."""
         return self.pose is None
 
     @property
     def posed(self) -> bool:
-        """Whether its own poses arrive: it moves, and not only with the sensor's frame."""
+        """Whether it receives poses of its own. A cloud does not: it moves with its frame."""
         return self.moving and self.cloud is None
 
 
@@ -181,12 +182,12 @@ class Thresholds:
     hysteresis: float
     """Metres by which a clearance must exceed a threshold before its alert ends."""
     hold_s: float = 0.0
-    """Seconds for which it must do so without a break."""
+    """Seconds for which the clearance must exceed it without a break before the alert ends."""
 
 
 Question = Literal["distance", "within", "collide"]
-"""The question about a pair: its distance, or only on which side of its thresholds it lies, or only
-whether the two touch."""
+"""The question about a pair: its distance, or only on which side of its thresholds the distance
+lies, or only whether the two bodies touch."""
 
 
 @dataclass(frozen=True)
@@ -200,7 +201,7 @@ class WatchedPair:
     """Metres."""
     thresholds: Thresholds
     own_thresholds: bool
-    """False where the thresholds are the scene's defaults."""
+    """False if the thresholds are the scene's defaults."""
     question: Question = "distance"
     range: float = float("inf")
     """Metres; a pair that is certainly farther apart is not searched."""
@@ -208,11 +209,11 @@ class WatchedPair:
 
 @dataclass(frozen=True)
 class Root:
-    """Where the poses of a robot's root link come from, if it moves."""
+    """Source of the poses of a robot's moving root link."""
 
     topic: str
     frame: str
-    """Its frame on /tf."""
+    """The root link's frame on /tf."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -222,15 +223,15 @@ class Robot:
     name: str
     kinematics: Kinematics
     base: np.ndarray
-    """(4, 4) pose of its root link in the world, metres, read-only; the origin if that moves."""
+    """(4, 4) pose of its root link in the world, metres, read-only; identity if the link moves."""
     topic: str
-    """Topic of the positions of its joints."""
+    """Topic of its joint positions."""
     start: Mapping[str, float]
-    """Positions of joints from the file, which hold until others arrive; radians or metres."""
+    """Joint positions from the file, which hold until others arrive; radians or metres."""
     links: Mapping[str, str]
-    """The link by name of the moving body that it is."""
+    """Name of the link by name of its body, for the moving bodies."""
     root: Root | None = None
-    """None where its root link stands at `base`."""
+    """None if its root link is fixed at `base`."""
 
     def poses(
         self, positions: Mapping[str, float], base: np.ndarray | None = None
@@ -238,9 +239,9 @@ class Robot:
         """Return the pose (4, 4) in metres, model to world, of each moving body.
 
         Args:
-            positions: of joints by name, radians or metres. Absent ones are taken from `start`,
-                else 0; names that are no free joint are skipped.
-            base: (4, 4) pose of its root link in the world, metres; None: its own `base`.
+            positions: joint positions by name, radians or metres. A missing position is taken from
+                `start`, else it is 0. Names of joints that are not free are skipped.
+            base: (4, 4) pose of its root link in the world, metres; None: the robot's own `base`.
 
         Raises:
             ValueError: a position is not finite.
@@ -263,16 +264,16 @@ class Scene:
     unit: Unit
     rate_hz: float
     budget_s: float
-    """Computing time of one tick."""
+    """Computing time of one tick, seconds."""
     bodies: tuple[Body, ...]
     pairs: Sequence[WatchedPair]
     motion: Mapping[str, Mapping[str, Any]] | None
-    """The settings in SI units by the name of an effect (see `effects`)."""
+    """Settings by name of the effect, in SI units (see `effects`)."""
     thresholds: Thresholds
-    """The defaults of all pairs."""
+    """The default thresholds of all pairs."""
     description: str = ""
     """One line about what the scene shows."""
     robots: tuple[Robot, ...] = ()
-    """Their links are among the bodies."""
+    """The robots; their links are among `bodies`."""
     warnings: tuple[str, ...] = ()
-    """What a user should know of the file, each with the line and the key."""
+    """Warnings about the file for the user, each with the line and the key."""

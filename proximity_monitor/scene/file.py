@@ -1,4 +1,4 @@
-"""Reads scene files: text → data with lines → schema → meaning."""
+"""Reads scene files: parses the text, notes line numbers, checks the schema, makes the scene."""
 
 from __future__ import annotations
 
@@ -22,21 +22,21 @@ _VERSION = 1
 def load_scene(path: str | os.PathLike[str], describe: Describe | None = None) -> Scene:
     """Read a scene file.
 
-    The model files themselves are not opened yet (see `load_model`), but for assemblies, whose
-    parts become bodies.
+    Model files are opened later, by `load_model`, with two exceptions: an assembly, because its
+    parts become bodies, and the meshes of a robot with `exclude_touching`.
 
     Args:
         path: the file.
         describe: returns the robot description that is published on a topic, and may wait for it.
-                None: scenes that name such a topic are refused.
+            None: scenes that name such a topic are refused.
 
     Returns:
         The scene in SI units.
 
     Raises:
         SceneError: one line for each problem, as ``FILE:LINE: KEY: what is wrong (got VALUE)``,
-            sorted by line. What the schema forbids comes first; only a file that obeys it is
-            checked for unknown names, missing model files and the like.
+            sorted by line. The schema is checked first. Only a file that obeys it is checked for
+            unknown names, missing model files and the like.
     """
     data, report = read(path)
     _check_version(data, report)
@@ -48,7 +48,7 @@ def load_scene(path: str | os.PathLike[str], describe: Describe | None = None) -
 
 
 def _check_version(data: Any, report: Report) -> None:
-    """The keys of another version may mean anything, so nothing else is checked."""
+    """Refuse another version at once: its keys may mean anything, so nothing else is checked."""
     if isinstance(data, dict) and "version" in data and ("version",) not in report.places():
         version = data["version"]
         if type(version) is not int or version != _VERSION:

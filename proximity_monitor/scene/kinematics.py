@@ -1,4 +1,4 @@
-"""Forward kinematics: from the positions of a robot's joints to the poses of its links.
+"""Forward kinematics: computes the poses of a robot's links from its joint positions.
 
 A link's pose is its parent's pose, times the joint's origin, times the joint's own motion: a turn
 about its axis or a move along it. All joints of one depth in the tree are computed at once, so a
@@ -32,7 +32,7 @@ class Mimic:
 
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """What connects a link to its parent."""
+    """The connection of a link to its parent."""
 
     name: str
     kind: str
@@ -44,7 +44,7 @@ class Joint:
     axis: tuple[float, float, float] = (1.0, 0.0, 0.0)
     """Direction in the joint's frame, of any length above 0."""
     lower: float = -math.inf
-    """Radians or metres."""
+    """Lower limit, radians or metres."""
     upper: float = math.inf
     mimic: Mimic | None = None
 
@@ -53,15 +53,15 @@ class Kinematics:
     """A tree of links."""
 
     def __init__(self, links: Sequence[str], joints: Sequence[Joint]) -> None:
-        """Put the links in order.
+        """Sort the links by depth in the tree.
 
         Args:
-            links: names; each but one, the root, is the child of exactly one joint.
-            joints: what connects them.
+            links: names. Every link except the root is the child of exactly one joint.
+            joints: the joints between them.
 
         Raises:
-            KinematicsError: a name stands twice, a joint names a link or joint that does not exist,
-                the links are no tree, joints mimic each other in a ring.
+            KinematicsError: a name occurs twice, a joint names a link or joint that does not exist,
+                the links form no tree, or joints mimic each other in a ring.
         """
         self._check(links, joints)
         above = {joint.child: joint for joint in joints}
@@ -72,7 +72,7 @@ class Kinematics:
         """In the order of `poses`: the root first, each link after its parent."""
         self._order = {link: index for index, link in enumerate(self.links)}
         self.joints: tuple[Joint, ...] = tuple(above[link] for link in self.links[1:])
-        """By the link that they carry, in the order of `links` without the root."""
+        """In the order of the links that they carry: that of `links` without the root."""
         self.free: tuple[Joint, ...] = tuple(
             each for each in joints if each.kind != "fixed" and each.mimic is None
         )
@@ -123,14 +123,14 @@ class Kinematics:
         return found
 
     def drivers(self, link: str) -> frozenset[str]:
-        """Return the free joints that a link's pose depends on."""
+        """Return the names of the free joints that a link's pose depends on."""
         used = np.zeros(len(self.free), dtype=bool)
         for joint in self.path(link):
             used |= self._moving(joint)
         return frozenset(each.name for each, on in zip(self.free, used, strict=True) if on)
 
     def unit(self, link: str) -> str:
-        """Return the first link on the way from the root that a link is rigidly joined to."""
+        """Return the link nearest to the root that a link is rigidly joined to, or itself."""
         for joint in self.path(link):
             if self._moving(joint).any():
                 break
@@ -138,13 +138,13 @@ class Kinematics:
         return link
 
     def _moving(self, joint: Joint) -> NDArray[np.bool_]:
-        """Which free joints move a joint."""
+        """Return which of the n free joints move a joint, (n,)."""
         return self._gain[self._order[joint.child] - 1] != 0.0
 
     def values(self, positions: Mapping[str, float]) -> NDArray[np.float64]:
-        """Return the (n,) positions of the free joints by name, as `poses` takes them; 0 if absent.
+        """Return the positions (n,) of the free joints, as `poses` takes them; 0 for absent names.
 
-        Names of other joints are left out.
+        Names of other joints are ignored.
         """
         return np.array([positions.get(each.name, 0.0) for each in self.free], dtype=np.float64)
 
@@ -159,7 +159,7 @@ class Kinematics:
             (m, 4, 4) or (k, m, 4, 4) poses of the m `links`, model to world, metres.
 
         Raises:
-            ValueError: another shape, a value that is not finite.
+            ValueError: `values` has another shape, or a value is not finite.
         """
         given = np.asarray(values, dtype=np.float64)
         if given.ndim not in (1, 2) or given.shape[-1] != len(self.free):
@@ -182,7 +182,7 @@ class Kinematics:
         return poses
 
     def _moved(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The joints' own motions at (..., m - 1) positions: rotations or translations."""
+        """Return the joints' own motions, rotations or translations, at (..., m - 1) positions."""
         moved = np.zeros((*positions.shape, 4, 4))
         moved[..., 3, 3] = 1.0
         moved[..., :3, :3] = rotations(self._turn, positions)
@@ -199,7 +199,7 @@ def _once(names: Sequence[str], what: str) -> None:
 
 
 def _depths(links: Sequence[str], above: Mapping[str, Joint]) -> dict[str, int]:
-    """How many joints stand between the root and each link."""
+    """Return the number of joints between the root and each link."""
     depth: dict[str, int] = {}
     for link in links:
         way = []
@@ -218,14 +218,14 @@ def _depths(links: Sequence[str], above: Mapping[str, Joint]) -> dict[str, int]:
 def _followers(
     joints: Sequence[Joint], free: Sequence[Joint]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Gain (m, n) and offset (m,): the positions of all joints are gain @ free ones + offset."""
+    """Return gain (m, n) and offset (m,): positions of all joints = gain @ free ones + offset."""
     column = {joint.name: index for index, joint in enumerate(free)}
     by_name = {joint.name: joint for joint in joints}
     gain, offset = np.zeros((len(joints), len(free))), np.zeros(len(joints))
     for row, joint in enumerate(joints):
         factor, shift, seen = 1.0, 0.0, [joint.name]
         while joint.mimic is not None:
-            # A joint that follows a follower: compose both straight lines.
+            # A joint may mimic a joint that mimics another one: compose the linear functions.
             shift += factor * joint.mimic.offset
             factor *= joint.mimic.multiplier
             if joint.mimic.joint not in by_name:
@@ -243,7 +243,7 @@ def _followers(
 
 
 def _axes(joints: Sequence[Joint]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The axes that joints turn about and those that they slide along, (m, 3) each."""
+    """Return the axes that joints turn about and the axes they slide along, (m, 3) each; else 0."""
     turn, slide = np.zeros((len(joints), 3)), np.zeros((len(joints), 3))
     for row, joint in enumerate(joints):
         if joint.kind == "fixed":

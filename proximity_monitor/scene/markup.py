@@ -1,8 +1,8 @@
 """Reads XML files that may come from anywhere, and expands xacro files.
 
-XML is parsed by the standard library; nothing in it is executed or fetched, and a document type
-declaration (which could make it grow without bound, or name other files) is refused. A xacro file
-is different: `xacro` evaluates its expressions and reads the files that it includes.
+The standard library parses XML. Nothing in it is executed or fetched, and a document type
+declaration is refused, because it could make the text grow without bound or name other files. A
+xacro file is different: `xacro` evaluates its expressions and reads the files that it includes.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from xml.parsers import expat
 NO_ARGUMENTS: Mapping[str, str] = MappingProxyType({})
 
 _DECLARED = re.compile(rb"""<\?xml[^>]*\sencoding\s*=\s*["']([A-Za-z0-9._-]+)""")
-"""The encoding that a file states; one that is not written in ASCII is left to expat."""
+"""Finds the encoding that a file declares. Expat handles a declaration that is not in ASCII."""
 
 
 class MarkupError(ValueError):
@@ -26,20 +26,20 @@ class MarkupError(ValueError):
 
 
 class Arguments(dict[str, str]):
-    """The arguments of xacro files by name, and for which any file asked."""
+    """Arguments for xacro files by name; `asked` collects the names that a file asked for."""
 
     def __init__(self, given: Mapping[str, str], asked: set[str] | None = None) -> None:
-        """Take what is given; `asked` is a set to add to."""
+        """Take the given arguments; names go to the set `asked`, or to a new set."""
         super().__init__(given)
         self.asked: set[str] = set() if asked is None else asked
 
     def __contains__(self, name: object) -> bool:
-        """Whether it is given, or a file has a default."""
+        """Return whether an argument is given or has a default, and note that a file asked."""
         self.asked.add(str(name))
         return super().__contains__(name)
 
     def __getitem__(self, name: str) -> str:
-        """The argument."""
+        """Return an argument, and note that a file asked."""
         self.asked.add(name)
         return super().__getitem__(name)
 
@@ -77,12 +77,11 @@ def read(path: Path, arguments: Mapping[str, str] = NO_ARGUMENTS) -> Lined:
 def parse(text: str | bytes) -> Lined:
     """Return the root of an XML text.
 
-    What parsers of robot descriptions pass over is passed over here as well: empty lines in front,
-    and namespaces. A prefix stays in front of a tag, declared or not, and ``xmlns`` is an attribute
-    like others.
+    Like the parsers of robot descriptions, it ignores empty lines at the beginning, and namespaces:
+    a tag keeps its prefix, declared or not, and ``xmlns`` is an attribute like any other.
 
     Raises:
-        MarkupError: it is none, or has a document type declaration.
+        MarkupError: the text is not XML, or has a document type declaration.
     """
     builder = TreeBuilder(element_factory=Lined)
     parser = expat.ParserCreate()
@@ -97,7 +96,7 @@ def parse(text: str | bytes) -> Lined:
     parser.StartDoctypeDeclHandler = _refuse_doctype
     try:
         if isinstance(text, bytes) and (declared := _DECLARED.match(text)):
-            text = text.decode(declared[1].decode())  # expat knows a few encodings alone
+            text = text.decode(declared[1].decode())  # expat knows only a few encodings
         parser.Parse(text, True)
     except expat.ExpatError as error:
         at = f"line {error.lineno + skipped}, column {error.offset}"
@@ -122,7 +121,7 @@ def _expanded(path: Path, arguments: Mapping[str, str]) -> str:
         ) from None
     asked = arguments.asked if isinstance(arguments, Arguments) else None
     try:
-        # A copy, because xacro adds the file's defaults.
+        # Passes a copy, because xacro adds the file's defaults to it.
         return xacro.process_file(str(path), mappings=Arguments(arguments, asked)).toxml()
     except Exception as error:  # the file's own expressions can raise anything
         raise MarkupError(f"cannot be expanded by xacro: {_reason(error)}") from error

@@ -1,9 +1,9 @@
-"""The monitor of a scene: it takes poses and a time budget, and gives bounds of every watched pair.
+"""The monitor of a scene: takes poses and a time budget, returns bounds for every watched pair.
 
-A pair that is farther apart than its range is not examined, unless it is to be kept. The others are
-searched in the order of their schedule (`engine/assembly/schedule.py`). A search that ran out of
-time goes on where it stopped while its bodies stand still. A pair that the budget does not reach
-keeps its last answer, widened by the motion since (`engine/assembly/answers.py`).
+A pair that is farther apart than its range is not examined, unless `Monitor.keep` names it. The
+other pairs are searched in the order of the schedule (`engine/assembly/schedule.py`). A search that
+ran out of time continues where it stopped, if its bodies have not moved. A pair that the budget
+does not reach keeps its last answer, widened by the motion since (`engine/assembly/answers.py`).
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 _ONCE_S = 50e-6
-"""How much more time a tick sets aside for its end after one whose end took longer."""
+"""By how much, at most, one tick can increase the time that is set aside for a tick's end."""
 
 
 class Monitor:
@@ -45,13 +45,13 @@ class Monitor:
         Args:
             scene: bodies and watched pairs.
             models: by body name, in metres.
-            threads: how many share the searches of a tick. They change which pairs a budget
-                reaches, not what is found.
+            threads: how many threads share the searches of a tick. The number changes which pairs
+                a budget reaches, not what is found.
             clock: seconds, never going back; measures the budget and the ages.
 
         Raises:
-            engine.ModelError: a body must be a solid, but its model is none; it names the body.
-            ValueError: no thread at all.
+            engine.ModelError: a body must be a solid, but its model is none; names the body.
+            ValueError: `threads` is less than 1.
         """
         if threads < 1:
             raise ValueError(f"threads = {threads}: must be at least 1")
@@ -77,7 +77,7 @@ class Monitor:
         self._schedule.prepare()
 
     def set_thresholds(self, thresholds: Sequence[Thresholds]) -> None:
-        """Take new thresholds, one a pair: they order the searches from the next tick on.
+        """Take new thresholds, one per pair; they order the searches from the next tick on.
 
         A pair's range counts as at least warn + hysteresis.
         """
@@ -89,7 +89,7 @@ class Monitor:
         self._specify(slice(None))
 
     def set_tolerance(self, rel_err: float | None = None, abs_err: float | None = None) -> None:
-        """Take tolerances for all pairs, abs_err in metres; None: each pair's own of the scene."""
+        """Take tolerances for all pairs, abs_err in metres; None: each pair's own in the scene."""
         self._tolerance = rel_err, abs_err
         self._specify(slice(None))
         self._schedule.records["done"] = False
@@ -102,7 +102,7 @@ class Monitor:
 
         Raises:
             KeyError: there is no such body.
-            engine.ModelError: see `engine.Model.deform`; or a solid would be none any more.
+            engine.ModelError: see `engine.Model.deform`; or a solid would no longer be a solid.
                 Nothing has changed.
         """
         self._placing.deform(name, points)
@@ -117,16 +117,16 @@ class Monitor:
         self._schedule.replace(body, model, rows)
 
     def ignore(self, pairs: Collection[int]) -> None:
-        """Neither search nor list these pairs, positions among the scene's, from now on."""
+        """Neither search nor list these pairs from now on; `pairs` are positions in the scene."""
         self._ignored = np.array(sorted(pairs), dtype=np.int64)
         self._near.ignore(self._ignored)
         self._specify(slice(None))
 
     def keep(self, pairs: Collection[int]) -> None:
-        """List these pairs, positions among the scene's, whatever their range, from now on.
+        """List these pairs from now on, whatever their range; `pairs` are positions in the scene.
 
-        Such as those that `Alerts.held` still holds at a level: nobody who reads ticks is to take
-        them for clear.
+        An example are the pairs of `Alerts.held`, which are still at a level: a reader of ticks
+        must not take them for clear.
         """
         before, self._kept = self._kept, frozenset(pairs)
         if changed := before ^ self._kept:
@@ -150,18 +150,18 @@ class Monitor:
         Args:
             poses: the last good pose of each moving body by name; None or a missing name means that
                 the body has no pose yet. Names of other bodies are ignored.
-            silent: bodies, fixed ones too, that are not to be relied on whatever their poses say,
-                such as a deforming one whose vertices are late.
+            silent: bodies, also fixed ones, that are unreliable whatever their poses say, such as
+                a deforming body whose vertices are late.
             budget_s: seconds for the whole tick. 0 searches nothing and still certifies
                 everything. A search that is running at the end of the budget overruns it by one
                 slice at most.
-            distances: whether anybody wants the distances. If not, pairs are only decided against
-                their thresholds, which is cheaper. The distance of a pair at a threshold is
-                searched anyway, because its alert needs it.
+            distances: whether the caller wants the distances. If not, pairs are only decided
+                against their thresholds, which is cheaper. The distance of a pair at a threshold
+                is searched anyway, because its alert needs it.
 
         Raises:
             KeyError: there is no such silent body; nothing has changed.
-            ValueError: a pose is not finite or not rigid; it names the body, nothing has changed.
+            ValueError: a pose is not finite or not rigid; names the body, nothing has changed.
         """
         started = self._clock()
         placing = self._placing
@@ -171,25 +171,25 @@ class Monitor:
         self._begin(change.come_rows)
         placing.settle()
         self._schedule.update(self._near.rows, placing.known, placing.silent, distances)
-        # The time that the end of the tick takes is set aside beforehand.
+        # Set aside the time that the end of the tick takes.
         deadline = started + budget_s - min(self._closing_s, budget_s / 2.0)
         searched = self._schedule.search(deadline, self._clock, self._threads)
         ended = min(self._clock(), deadline)
         tick = self._report(searched, started, budget_s)
-        # Set aside the longest of late, with what a search overran. A single long one is no
-        # measure, because the machine may have been busy elsewhere.
+        # Set aside the longest recent end, including a search's overrun. One long end counts only
+        # in part (`_ONCE_S`), because the machine may have been busy elsewhere.
         closing_s = min(started + tick.elapsed_s - ended, self._closing_s + _ONCE_S)
         self._closing_s = max(closing_s, 0.9 * self._closing_s)
         return tick
 
     def _begin(self, rows: np.ndarray) -> None:
-        """Begin new records."""
+        """Begin the records of new rows."""
         if len(rows):
             self._schedule.begin(rows)
             self._specify(np.isin(self._near.rows, rows))
 
     def _specify(self, which: np.ndarray | slice) -> None:
-        """Write what is asked about some of the near pairs into their records."""
+        """Write the questions about some of the near pairs into their records."""
         near, watched, records = self._near, self._pairs, self._schedule.records
         rows, kinds = near.rows[which], near.kinds[which]
         rel_err, abs_err = self._tolerance
@@ -253,7 +253,7 @@ def simulate(
     distances: bool = True,
     clock: Callable[[], float] = time.perf_counter,
 ) -> list[Tick]:
-    """Run a monitor over recorded poses, a tick for each mapping from body name to (4, 4) pose."""
+    """Run a monitor over recorded poses: one tick per mapping from body name to (4, 4) pose."""
     monitor = Monitor(scene, models, threads=threads, clock=clock)
     return [
         monitor.tick(
@@ -266,6 +266,6 @@ def simulate(
 
 
 def _levels(thresholds: Thresholds) -> tuple[float, ...]:
-    """The clearances at which an alert may begin or end."""
+    """Return the clearances at which an alert may begin or end."""
     warn, stop, more = thresholds.warn, thresholds.stop, thresholds.hysteresis
     return stop, warn, stop + more, warn + more

@@ -1,6 +1,6 @@
-"""Names of bodies, which may be any text, and what stands for them where ROS wants a word.
+"""Names of bodies, which may be any text, and the words that stand for them in ROS names.
 
-Topics, too, have more than one name.
+`rooted` compares topics, because one topic can be written in more than one way.
 """
 
 from __future__ import annotations
@@ -10,26 +10,26 @@ import unicodedata
 from hashlib import sha256
 
 EVERYTHING = "all"
-"""The name that stands for every body in pairs, unless something has that name."""
+"""The name that means every body in `pairs`, unless a body, robot or group has that name."""
 
 _WORD = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 _UNFIT = re.compile(r"[^a-z0-9]+")
 _LONGEST = 160
-"""A word may have so many characters as it is; DDS allows a topic 255 with all around it."""
+"""A word of at most this many characters is used as it is; DDS allows 255 for a whole topic."""
 
 _KEPT = 40
-"""Characters of another name that its word keeps."""
+"""How many characters of any other name its word keeps."""
 
 _LENGTH = 200
-"""Characters that a name may have, as the schema of scene files says."""
+"""How many characters a name may have, according to the schema of scene files."""
 
 
 def safe(name: str) -> str:
     """Return a word for a name, to be part of a topic or of a parameter's name.
 
-    A word of letters, digits and underscores with a letter in front stands for itself. Another text
-    keeps what is left of it without accents and signs, and ends with eight digits that are its own:
-    ``Schraube M8×40`` is ``schraube_m840_34f32161``.
+    A word of letters, digits and underscores that begins with a letter is returned as it is. Any
+    other name loses its accents and signs and gets eight hexadecimal digits of its hash at the end:
+    ``Schraube M8×40`` becomes ``schraube_m840_34f32161``.
     """
     if _WORD.fullmatch(name) and len(name) <= _LONGEST:
         return name
@@ -40,22 +40,23 @@ def safe(name: str) -> str:
 
 
 def rooted(topic: str) -> str:
-    """Return a topic's full name as a node without a namespace has it, to compare topics.
+    """Return a topic's full name in a node without a namespace, to compare topics.
 
-    ``joints`` and ``/joints`` are one there. ``~/joints`` stays: it depends on the node's name.
+    ``joints`` and ``/joints`` are the same topic there. ``~/joints`` is returned as it is, because
+    it depends on the node's name.
     """
     return topic if topic.startswith(("/", "~")) else f"/{topic}"
 
 
 def fitting(text: str, end: str = "") -> str:
-    """Return the name of a body for a text of CAD, which is that text wherever a body may have it.
+    """Return a body's name for a text from CAD: the text itself if it is allowed as a name.
 
-    A name is one line of 1 to 200 characters. A pair is told as ``A - B``, so no name has a
+    A name is one line of 1 to 200 characters. A pair is written ``A - B``, so no name contains a
     hyphen between spaces.
 
     Args:
-        text: any.
-        end: is put behind it, and stays whole where the text is shortened.
+        text: any text.
+        end: a suffix of the name, which stays whole if the text is shortened.
     """
     plain = " ".join("".join(c if c.isprintable() else " " for c in text).split())
     while " - " in plain:

@@ -1,4 +1,4 @@
-"""From what a user types to a scene with its models."""
+"""Finds the scene that a user names, and loads its models."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 def find_scene(text: str) -> Path:
     """Return the scene file that `text` means: a path, or the name of a bundled scene.
 
-    What ends in .yaml or .yml, or has a folder in it, or is a file here, is a path.
+    `text` is a path if it ends in .yaml or .yml, contains a folder, or names an existing file.
 
     Raises:
         SceneError: it is no path, and no scene of that name is bundled.
@@ -29,7 +29,7 @@ def find_scene(text: str) -> Path:
 
 
 def descriptions() -> dict[str, str]:
-    """Return, of each bundled scene by name, what there is to see in it: a line, or nothing.
+    """Return the one-line description of each bundled scene by name; empty if it has none.
 
     Raises:
         SceneError: a scene file does not read as YAML.

@@ -15,13 +15,13 @@ from proximity_monitor.scene.robots import Robots
 from proximity_monitor.scene.watch import CONTACT, UNWATCHED, PairSettings, WatchedPairs
 
 _ROUNDED = 1e-12
-"""Share of a length by which its sum with another one, and its unit, may round it."""
+"""Relative rounding error of a sum of two lengths that are converted from another unit."""
 
 
 def read_settings(
     data: Mapping[str, Any], keys: Keys, defaults: PairSettings, unit: Unit, report: Report
 ) -> PairSettings:
-    """Read the settings that the file gives; take the others from the defaults."""
+    """Return the settings that the file gives; the others are those of `defaults`."""
     tolerance = data.get("tolerance", {})
     question = data.get("question", defaults.question)
     given = {
@@ -48,13 +48,13 @@ def read_settings(
         range=unit.to_metre * data["range"] if "range" in data else defaults.range,
     )
     _check(limits, "range" if "range" in data else "thresholds", keys, unit, report)
-    # What is equal in the file may be unlike once it is in metres.
+    # Lengths that are equal in the file may differ after their conversion to metres.
     least = thresholds.warn + thresholds.hysteresis
     return replace(limits, range=max(limits.range, least))
 
 
 def _check(limits: PairSettings, key: str, keys: Keys, unit: Unit, report: Report) -> None:
-    """Report settings that contradict each other; `key` is the one of them that the file gives."""
+    """Report settings that contradict each other; `key` is the key that the file gives of them."""
     thresholds = limits.thresholds
     warn, stop, least, most = (
         value / unit.to_metre
@@ -123,12 +123,12 @@ def read_pairs(
 
 
 def _of_kind(pairs: np.ndarray, kind: int) -> np.ndarray:
-    """Pairs (k, 2) as exceptions (k, 3)."""
+    """Return pairs (k, 2) as exceptions (k, 3): two bodies and a kind."""
     return np.column_stack((pairs, np.full(len(pairs), kind)))
 
 
 class _Names:
-    """Bodies and groups by name; pairs are index pairs with the lower index first."""
+    """Finds bodies and groups by name. A pair is two body indices, the lower one first."""
 
     def __init__(
         self,
@@ -155,11 +155,11 @@ class _Names:
         self._members.setdefault(EVERYTHING, list(range(len(bodies))))
 
     def mean_everything(self, two: list[str]) -> bool:
-        """Whether an entry is about every pair that there is."""
+        """Return whether an entry means every pair of the scene."""
         return two == [EVERYTHING, EVERYTHING] and not self._named_so
 
     def watched(self, two: list[str], keys: Keys) -> np.ndarray:
-        """The pairs of an entry whose clearance can change; a file without any is mistaken."""
+        """Return the pairs of an entry whose clearance can change; report it if there are none."""
         pairs = self.between(two, (*keys, "between"))
         moving = self._changing(pairs)
         if len(pairs) and not len(moving):
@@ -171,7 +171,7 @@ class _Names:
         return moving
 
     def between(self, two: list[str], keys: Keys) -> np.ndarray:
-        """All pairs (k, 2) of one body of each name, without bodies against themselves."""
+        """Return all pairs (k, 2) of one body from each name; no body is paired with itself."""
         left, right = (self._find(name, self._members, (*keys, at)) for at, name in enumerate(two))
         a, b = (each.ravel() for each in np.meshgrid(left, right, indexing="ij"))
         pairs = np.stack((np.minimum(a, b), np.maximum(a, b)), axis=1).astype(np.int64)
@@ -181,19 +181,19 @@ class _Names:
         return pairs
 
     def pair(self, a: str, b: str) -> tuple[int, int]:
-        """The pair of two bodies."""
+        """Return the pair of two bodies, given by name."""
         (i,), (j,) = self._single[a], self._single[b]
         return min(i, j), max(i, j)
 
     def last(self, exceptions: Sequence[np.ndarray]) -> np.ndarray:
-        """Keep the last of the exceptions (k, 3) about each pair whose clearance can change."""
+        """Return the last exception (k, 3) about each pair whose clearance can change."""
         every = np.concatenate(exceptions)[::-1]
         every = self._changing(every)
         _, first = np.unique(every[:, 0] * len(self._moving) + every[:, 1], return_index=True)
         return every[first]
 
     def _changing(self, pairs: np.ndarray) -> np.ndarray:
-        """Leave out pairs of two fixed bodies."""
+        """Return the given pairs without those of two fixed bodies."""
         return pairs[self._moving[pairs[:, 0]] | self._moving[pairs[:, 1]]]
 
     def _find(self, name: str, known: Mapping[str, list[int]], keys: Keys) -> list[int]:

@@ -1,4 +1,4 @@
-"""Where files are: model paths in their three spellings, and the bundled scenes."""
+"""Finds files: model paths in their three spellings, and the bundled scenes."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ _SCHEME = "package://"
 _HERE = Path(__file__).resolve()
 _BUNDLED = _HERE.parent / "bundled"
 _DATA_ON_PYPI = ("example-robot-data",)
-"""ROS packages that hold only data and come with the extra, too."""
+"""ROS packages that hold only data and that the extra `robots` installs from PyPI."""
 WITH_ROBOTS = "in the checkout: pip install '.[robots]'"
-"""How to install what robots' descriptions and meshes may need."""
+"""How to install the packages that robot descriptions and meshes may need."""
 
 
 def bundled(name: str) -> Path:
     """Return the scene file of a scene that comes with the package.
 
     Raises:
-        SceneError: there is none of that name; the message lists those that exist.
+        SceneError: no bundled scene has that name; the message lists the existing names.
     """
     names = bundled_names()
     if name not in names:
@@ -42,10 +42,10 @@ def model_path(text: str, folder: Path, *, or_folder: bool = False) -> Path:
     Args:
         text: relative to `folder`, absolute, or ``package://PACKAGE/PATH``.
         folder: where the scene file is.
-        or_folder: whether a folder will do, too.
+        or_folder: whether a folder is accepted as well.
 
     Returns:
-        The absolute path of an existing file.
+        The absolute path of an existing file or folder.
 
     Raises:
         SceneError: says where the file was looked for.
@@ -64,7 +64,7 @@ def model_path(text: str, folder: Path, *, or_folder: bool = False) -> Path:
     else:
         candidates = [folder.absolute() / text]
     for path in candidates:
-        # os.path answers False where pathlib would raise, as for names that are too long.
+        # If a name is too long, os.path returns False, whereas pathlib raises an error.
         if os.path.isfile(path) or (or_folder and os.path.isdir(path)):
             return path
     raise SceneError(f"no such file: {', nor '.join(map(str, candidates))}")
@@ -75,8 +75,8 @@ def mesh_path(text: str, urdf: Path) -> Path:
 
     Args:
         text: ``package://PACKAGE/PATH``, ``file:///PATH``, absolute, or relative to the
-            description's folder. PACKAGE is a folder of that name that holds the description, else
-            found as in `model_path`; PATH does not leave it.
+            description's folder. PACKAGE is looked for among the folders above the description
+            first, then as in `model_path`. PATH must stay inside the package.
         urdf: the description, absolute.
 
     Returns:
@@ -102,7 +102,7 @@ def mesh_path(text: str, urdf: Path) -> Path:
 
 
 def _installed_by_pip(package: str) -> list[Path]:
-    """The share folders of a package that pip installed, wherever they are in its tree."""
+    """Return the share folders of a package that pip installed, wherever they are in its tree."""
     try:
         files = metadata.files(package) or []
     except metadata.PackageNotFoundError:
@@ -116,8 +116,8 @@ def _shares(package: str) -> list[Path]:
     prefixes = [Path(each) for each in os.environ.get("AMENT_PREFIX_PATH", "").split(":") if each]
     shares = [prefix / "share" / package for prefix in prefixes]
     if package == _PACKAGE:
-        # Without a sourced workspace: pip's data files, and the package as imported, whose parent
-        # folder is laid out like the share folder if it is a checkout.
+        # If no workspace is sourced: pip's data files, and the imported package. In a checkout,
+        # the package's parent folder is laid out like the share folder.
         shares += [Path(sys.prefix) / "share" / package, _HERE.parents[1]]
         if (_HERE.parents[2] / "package.xml").is_file():
             shares.append(_HERE.parents[2])

@@ -1,4 +1,4 @@
-"""Where the bodies of a scene are, how fresh their poses are, and which shapes they have."""
+"""The poses of a scene's bodies, how fresh they are, and the bodies' models."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from proximity_monitor.scene.state import PoseSample
 
 
 class Placing:
-    """The bodies, with a table of what is known about their pairs.
+    """The bodies, with a table of the answers about their pairs.
 
     Attributes:
         names: of all n bodies, in the scene's order.
@@ -23,15 +23,15 @@ class Placing:
         kinds: the kinds of the models.
         solid: (n,) whether each is a solid.
         known: (n,) whether each has a pose.
-        silent: (n,) whether each is not to be relied on, as when its pose is unknown or too old.
-        answers: the table; it holds the poses.
+        silent: (n,) whether each is unreliable, for example because its pose is unknown or too old.
+        answers: the table; it also holds the poses.
     """
 
     def __init__(self, bodies: Sequence[Body], models: Mapping[str, engine.Model]) -> None:
-        """Begin with the fixed bodies at their poses; the moving ones have none yet.
+        """Begin with the fixed bodies at their poses; the moving bodies have none yet.
 
         Raises:
-            engine.ModelError: a body must be a solid, but its model is none; it names the body.
+            engine.ModelError: a body must be a solid, but its model is none; names the body.
         """
         self.names = tuple(body.name for body in bodies)
         self.models = tuple(models[name] for name in self.names)
@@ -54,15 +54,16 @@ class Placing:
     def take(self, poses: Mapping[str, PoseSample | None], silent: Collection[str] = ()) -> bool:
         """Take the poses of moving bodies by name; return whether anything moved or was reshaped.
 
-        That is since `settle` was called: whatever ends a tick early, the next one knows.
+        The result covers all changes since the last call of `settle`. So if a tick ends early, the
+        next tick still learns of its changes.
 
         Args:
             poses: by name; None or a missing name: not known.
-            silent: bodies that are not to be relied on, whatever their poses say.
+            silent: bodies that are unreliable, whatever their poses say.
 
         Raises:
             KeyError: there is no such silent body; nothing has changed.
-            ValueError: a pose is no rigid motion; it names the body, and nothing has changed.
+            ValueError: a pose is no rigid motion; names the body, and nothing has changed.
         """
         unreliable = [self._at[name] for name in silent]
         samples = [poses.get(name) for name in self._moving_names]
@@ -73,7 +74,7 @@ class Placing:
         if given:
             bodies = self._moving[known]
             stacked = self._stacked(given, bodies)
-            # Before they move: Ctrl-C may come at any moment.
+            # Set before the bodies move, because Ctrl-C may come at any moment.
             moved_before, self._moved = self._moved, True
             self._moved = self.answers.move(bodies, stacked) > 0 or moved_before
         self.known[self._moving] = known
@@ -84,7 +85,7 @@ class Placing:
         return self._moved
 
     def settle(self) -> None:
-        """Note that what was moved or reshaped so far has been looked at."""
+        """Note that the caller has handled all motions and new shapes so far."""
         self._moved = False
 
     def model(self, name: str) -> engine.Model:
@@ -96,7 +97,7 @@ class Placing:
         return self.models[self._at[name]]
 
     def replace(self, name: str, model: engine.Model) -> tuple[int, np.ndarray]:
-        """Give a body another model; returns its index, and the rows of its pairs.
+        """Give a body another model; return the body's index and the rows of its pairs.
 
         Raises:
             KeyError: there is no such body.
@@ -116,7 +117,7 @@ class Placing:
 
         Raises:
             KeyError: there is no such body.
-            engine.ModelError: see `engine.Model.deform`; or a solid would be none any more.
+            engine.ModelError: see `engine.Model.deform`; or a solid would no longer be a solid.
                 Nothing has changed.
         """
         model = self.model(name)
@@ -132,7 +133,7 @@ class Placing:
         self._reshape(model, displacement)
 
     def _stacked(self, given: list[np.ndarray], bodies: np.ndarray) -> np.ndarray:
-        """The poses (k, 4, 4) of bodies (k,)."""
+        """Return the given poses of bodies (k,) as one array (k, 4, 4)."""
         try:
             stacked = np.array(given, dtype=np.float64)
         except (TypeError, ValueError):
@@ -143,7 +144,7 @@ class Placing:
         return stacked
 
     def _look_for_deformed(self) -> None:
-        """Forget the answers about models that somebody else deformed."""
+        """Forget the answers about models that were deformed other than by `deform`."""
         for body in self.answers.deformed():
             self._reshape(self.models[body], np.inf)
 

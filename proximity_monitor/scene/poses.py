@@ -1,4 +1,4 @@
-"""From position and quaternion, or axis and angle, to a pose matrix."""
+"""Makes pose and rotation matrices from positions, quaternions, axes and angles."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ _CROSS = np.array(
     [[0, 0, 0, 0, 0, -1, 0, 1, 0], [0, 0, 1, 0, 0, 0, -1, 0, 0], [0, -1, 0, 1, 0, 0, 0, 0, 0]],
     dtype=np.float64,
 )
-"""Maps a vector to the nine entries of its cross product matrix."""
+"""A vector times this matrix gives the nine entries of the vector's cross product matrix."""
 
-#: How far a quaternion's length may be from 1. People and messages round to three digits or more,
-#: anything further off is a mistake (an axis and an angle, wxyz order with a bad number, zeros).
+#: How far a quaternion's length may be from 1. People and messages round to three digits or more.
+#: A larger error is a mistake (an axis and an angle, wxyz order with a bad number, zeros).
 UNIT_LENGTH = 1e-3
 
 
@@ -42,7 +42,7 @@ def pose_matrix(position: Sequence[float], quaternion: Sequence[float]) -> np.nd
 
 
 def pose_matrices(positions: np.ndarray, quaternions: np.ndarray) -> np.ndarray:
-    """Return many rigid motions, as `pose_matrix` does one; nothing is checked.
+    """Return many rigid motions, as `pose_matrix` returns one; nothing is checked.
 
     Args:
         positions: (n, 3) x, y, z.
@@ -60,7 +60,7 @@ def pose_matrices(positions: np.ndarray, quaternions: np.ndarray) -> np.ndarray:
 
 
 def _rotation(x, y, z, w) -> list[list]:
-    """The rotation of a unit quaternion, or of arrays of them, row by row."""
+    """Return the rotation of a unit quaternion, or of arrays of quaternions, row by row."""
     return [
         [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
         [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
@@ -69,11 +69,11 @@ def _rotation(x, y, z, w) -> list[list]:
 
 
 def rotations(axes: np.ndarray, angles: np.ndarray) -> np.ndarray:
-    """Return Rodrigues' right-handed rotations about axes; 1 - cos is free of cancellation.
+    """Return right-handed rotations about axes by Rodrigues' formula, without cancellation.
 
     Args:
         axes: (..., 3) unit vectors, or 0 for no rotation.
-        angles: (...) radians, of a shape that goes with that of the axes.
+        angles: (...) radians, of a shape that broadcasts with that of the axes.
 
     Returns:
         (..., 3, 3) float64.
@@ -96,9 +96,9 @@ def rpy_matrix(rpy: Sequence[float]) -> np.ndarray:
 
 
 def matrix_rpy(turn: np.ndarray) -> tuple[float, float, float]:
-    """Return the angles of `rpy_matrix`, radians, that make up a (3, 3) rotation.
+    """Return the angles, radians, for which `rpy_matrix` gives a (3, 3) rotation.
 
-    Where the pitch is a right angle, roll and yaw are not unique; they go together in any case.
+    If the pitch is a right angle, roll and yaw are not unique, but the returned two fit together.
     """
     yaw = math.atan2(turn[1, 0], turn[0, 0])
     sine, cosine = math.sin(yaw), math.cos(yaw)

@@ -1,4 +1,4 @@
-"""From a scene's body to its model."""
+"""Makes the model of a scene's body."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ from proximity_monitor.scene.description import (
 from proximity_monitor.scene.poses import rpy_matrix
 
 _SAME = 1e-9
-"""Share of a cylinder's height by which a ball may be off its end."""
+"""Fraction of a cylinder's height by which a ball's centre may be off the cylinder's end."""
 
 _SEGMENTS = 64
-"""Sides of the prism that a cylinder is where it has to be a mesh: as a deforming one, in a link
-of several shapes, or with what meshes alone may have."""
+"""Sides of the prism that stands for a cylinder if it must be a mesh: a deforming cylinder, one in
+a link of several shapes, or one with options that only meshes have."""
 
 
 def load_model(body: Body, unit: Unit, *, volume: str = "rss") -> engine.Model:
@@ -49,8 +49,8 @@ def load_model(body: Body, unit: Unit, *, volume: str = "rss") -> engine.Model:
     Raises:
         ValueError: the scale is not a number greater than 0.
         FileNotFoundError: the model file is gone.
-        engine.ModelError: it holds no usable model; an unknown volume; no solid where the scene
-            says that it is one: then the message names the file, line and key.
+        engine.ModelError: the file holds no usable model; the volume is unknown; or the scene says
+            that the body is a solid and it is none (the message then names file, line and key).
     """
     if not (math.isfinite(body.scale) and body.scale > 0.0):
         raise ValueError(f"body '{body.name}': scale must be greater than 0 (got {body.scale})")
@@ -67,7 +67,7 @@ def load_model(body: Body, unit: Unit, *, volume: str = "rss") -> engine.Model:
 
 
 def check_solid(body: Body, model: engine.Model) -> None:
-    """Raise ModelError if a body must be a solid and its model is none."""
+    """Raise ModelError if a body must be a solid but its model is none."""
     if body.solid is True and not model.is_solid:
         raise engine.ModelError(
             f"{body.solid_at or 'solid'}: true, but body '{body.name}' is none: {model.not_solid}; "
@@ -76,7 +76,7 @@ def check_solid(body: Body, model: engine.Model) -> None:
 
 
 def _shape(primitive: Primitive, scale: float, **how: Any) -> engine.Model:
-    """The model of a primitive in the body's frame; `how` is as for `engine.shapes`."""
+    """Return the model of a primitive in the body's frame; `how` is as for `engine.shapes`."""
     shapes = engine.shapes
     match primitive:
         case Box(size):
@@ -102,15 +102,15 @@ def _shape(primitive: Primitive, scale: float, **how: Any) -> engine.Model:
 
 
 def _needs_mesh(how: dict[str, Any]) -> bool:
-    """Whether only a mesh can be made like that."""
+    """Return whether only a mesh can have these options."""
     return how.get("volume", "rss") != "rss" or how.get("solid") == "robust"
 
 
 def _with_capsules(parts: Sequence[Part]) -> tuple[list[Part], float]:
-    """Parts with a capsule for each cylinder that has a ball as wide as it at either end.
+    """Replace each cylinder that has a ball of the same radius at both ends by a capsule.
 
-    Robot descriptions say a capsule like that. Returns also how far one may be from the three parts
-    that it stands for, metres.
+    Robot descriptions write a capsule in this way. Return the parts, and how far a capsule may be
+    from the three parts that it replaces, metres.
     """
     made, known, off = [], [], 0.0
     for part in parts:
@@ -125,7 +125,10 @@ def _with_capsules(parts: Sequence[Part]) -> tuple[list[Part], float]:
 
 
 def _balls_at_ends(part: Part, parts: Sequence[Part]) -> list[tuple[Part, float]] | None:
-    """The balls at both ends of a cylinder, and how far from there they are, metres; or None."""
+    """Return the balls at both ends of a cylinder, with their distances from the ends in metres.
+
+    Return None if the part is no exact cylinder, or if an end has no ball.
+    """
     if not isinstance(part.shape, Cylinder) or part.shape.segments is not None:
         return None
     half = 0.5 * part.shape.height * rpy_matrix(part.rpy)[:, 2]
@@ -144,7 +147,7 @@ def _balls_at_ends(part: Part, parts: Sequence[Part]) -> list[tuple[Part, float]
 
 
 def _joined(parts: Sequence[Part], how: dict[str, Any]) -> Sequence[Part]:
-    """Parts that make one model: beside others, cylinders are meshes as well."""
+    """Return parts that can make one model: a cylinder beside other parts becomes a prism."""
     if len(parts) == 1 and not _needs_mesh(how):
         return parts
     return [
@@ -156,7 +159,7 @@ def _joined(parts: Sequence[Part], how: dict[str, Any]) -> Sequence[Part]:
 
 
 def _part(part: Part, scale: float) -> engine.shapes.Part:
-    """A part of a compound that is `scale` times as large."""
+    """Return the engine's part for a part of a compound that is enlarged by `scale`."""
     found = part.shape
     model = engine.load(found) if isinstance(found, Path) else _shape(found, 1.0)
     pose = np.eye(4)
@@ -165,7 +168,7 @@ def _part(part: Part, scale: float) -> engine.shapes.Part:
 
 
 def _mesh_of(primitive: Primitive, scale: float, name: str, how: dict[str, Any]) -> engine.Model:
-    """A mesh that begins as a primitive; then its vertices go wherever they are told."""
+    """Return a mesh in the shape of a primitive, whose vertices can then be moved freely."""
     if isinstance(primitive, Cylinder) and primitive.segments is None:
         primitive = replace(primitive, segments=_SEGMENTS)
     return engine.shapes.unswept(_shape(primitive, scale), name=name, **how)

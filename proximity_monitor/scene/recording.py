@@ -26,9 +26,9 @@ ALERTS = 10_000
 _TICK = np.dtype(
     [
         ("stamp_ns", np.int64),
-        ("clearance", np.float64),  # metres, certified: 0 while a pair is stale
-        ("upper", np.float64),  # of the pair with the smallest lower bound
-        ("pair", np.int64),  # its index in the scene, a stale one first; -1: none is listed
+        ("clearance", np.float64),  # metres, certified; at most 0 while a pair is stale
+        ("upper", np.float64),  # metres, of the pair with the smallest lower bound
+        ("pair", np.int64),  # that pair's index; a stale pair goes first; -1: none is listed
         ("elapsed_s", np.float64),
         ("budget_s", np.float64),
     ]
@@ -43,12 +43,12 @@ class StampedAlert(NamedTuple):
 
 
 class Recording:
-    """The last ticks and alerts; what is older is overwritten."""
+    """The last ticks and alerts; older ones are overwritten."""
 
     def __init__(
         self, pairs: Sequence[WatchedPair], *, ticks: int = TICKS, alerts: int = ALERTS
     ) -> None:
-        """Begin empty; `pairs` are the scene's, `ticks` and `alerts` how many are kept."""
+        """Begin empty; `pairs` are the scene's, `ticks` and `alerts` say how many are kept."""
         self._pairs = pairs
         self._ring = np.zeros(ticks, _TICK)
         self._count = 0
@@ -102,7 +102,7 @@ class Recording:
             writer.writerow(
                 ["stamp_ns", "clearance_m", "upper_m", "a", "b", "elapsed_s", "budget_s"]
             )
-            # One by one: making a list of all would be a single step of Python and stop all other
+            # One by one: `tolist` would be a single step of the interpreter, which stops all other
             # threads.
             rows = map(np.void.item, self.ticks)
             for stamp_ns, lower, upper, pair, elapsed, budget in rows:

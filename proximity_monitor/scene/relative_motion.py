@@ -1,10 +1,11 @@
-"""The way in which one body gets away from another, and how fast the two close in.
+"""Computes the direction in which one body gets away from another, and their closing speed.
 
-The closing speed is that of the closest points, each fixed to its body. A body's velocity at its
-point follows from its last two poses and their stamps; the component of the relative velocity along
-the line between the points is the closing speed. For exact closest points it is the rate of the
-distance itself, for bounds the rate of the upper bound. It uses only the last two poses, so it is
-known at the second pose and does not lag; noise in the poses is not filtered.
+The closing speed is the speed at which the closest points, each fixed to its body, approach. A
+body's velocity at its point follows from its last two poses and their stamps. The closing speed is
+the component of the relative velocity along the line between the points. For exact closest points
+it is the rate of the distance itself, for bounds the rate of the upper bound. Because it uses only
+the last two poses, it is known at the second pose and does not lag; noise in the poses is not
+filtered.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ class Course(NamedTuple):
         return math.isinf(self.seconds)
 
     def velocity_at(self, point: np.ndarray) -> np.ndarray:
-        """Return the mean velocity (3,), m/s, of the body's part that is now at `point` (3,)."""
+        """Return the mean velocity (3,), m/s, of the body point that is now at `point` (3,)."""
         own = self.after[:3, :3].T @ (point - self.after[:3, 3])
         return (point - (self.before[:3, :3] @ own + self.before[:3, 3])) / self.seconds
 
@@ -47,28 +48,27 @@ class RelativeMotion:
     body: str
     """The body that should get away: the moving one, or A if both move."""
     escape: np.ndarray | None
-    """Unit vector (3,) in the world: from the other body's closest point to this body's, or, for
-    overlapping solids, the way out along which the faces next to the largest ball in both get past
-    each other. None where the points coincide."""
+    """Unit vector (3,) in the world, from the other body's closest point to this body's. For
+    overlapping solids it points out of the other body: the faces next to the largest ball inside
+    both pass each other along it. None if the points coincide or are unknown."""
     closing: float
-    """m/s at which the closest points approach; negative if they part, NaN if the poses do not
-    tell."""
+    """m/s at which the closest points approach; negative if they part, NaN if it is not known."""
 
     def seconds_to(self, distance: float) -> float:
-        """Return the time until `distance` metres are closed at this speed; NaN unless closing."""
+        """Return the seconds until the bodies close `distance` metres; NaN unless they approach."""
         return max(distance, 0.0) / self.closing if self.closing > 0.0 else math.nan
 
 
 Courses = Callable[[str], Course | None]
-"""Gives a body's course by its name; None until there are two poses with different stamps."""
+"""Returns a body's course by name; None until it has two poses with different stamps."""
 
 
 def relative_motion(pair: PairState, courses: Courses) -> RelativeMotion:
     """Return how the bodies of a pair move against each other at its closest points.
 
     Args:
-        pair: the state of this tick; without numbers where a pose is unknown.
-        courses: of the poses of this tick.
+        pair: the state of this tick; it has no numbers if a pose is unknown.
+        courses: the bodies' courses up to the poses of this tick.
     """
     a, b = courses(pair.a), courses(pair.b)
     body = pair.b if a is not None and a.fixed else pair.a
@@ -80,7 +80,7 @@ def relative_motion(pair: PairState, courses: Courses) -> RelativeMotion:
         return RelativeMotion(body, None, math.nan)
     line = between / length  # unit vector from A to B
     if pair.upper < 0.0:
-        # Each point is where one body ends inside the other, so B parts from A against it.
+        # Each point is on one body's surface inside the other body, so B leaves A against the line.
         line = -line
     closing = math.nan
     if a is not None and b is not None:

@@ -1,4 +1,4 @@
-"""Errors of a scene file, each with the line, the key and the way out."""
+"""Collects the errors of a scene file, each with the line, the key and the remedy."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ class SceneError(ValueError):
 
 
 _TOLD = 20
-"""So many problems are told, and so many names in a list: who has more sees one of a kind."""
+"""How many problems a message reports, and how many names a list shows; more are of one kind."""
 
 Unknown = tuple[str, Collection[str]]
-"""A name, and those that are known in its place."""
+"""An unknown name, and the names that are known in its place."""
 
 
 class Report:
@@ -30,41 +30,41 @@ class Report:
         self.name = name
         self.lines: dict[Keys, int] = {}
         self.texts: dict[Keys, str] = {}
-        """Of scalars, as the file writes them."""
+        """The text of each scalar, as the file writes it."""
         self._problems: dict[tuple[int, str], tuple[Keys, Unknown | None]] = {}
         self._warnings: dict[tuple[int, str], None] = {}
 
     def add(self, keys: Keys, message: str, unknown: Unknown | None = None) -> None:
         """Note a problem with the value at `keys`.
 
-        If it is an `unknown` name, the message ends with the likeliest known one, or all. That is
-        looked for when the problem is told, because it takes long among thousands.
+        If the value is an `unknown` name, the message ends with the likeliest known name, or all.
+        `check` looks for that name, because the search takes long among thousands.
         """
         self._problems[self._at(keys, message)] = keys, unknown
 
     def warn(self, keys: Keys, message: str) -> None:
-        """Note what a user should know of the value at `keys`, with which the scene can be used."""
+        """Note a warning about the value at `keys`; the scene can be used all the same."""
         self._warnings[self._at(keys, message)] = None
 
     def _at(self, keys: Keys, message: str) -> tuple[int, str]:
         return self.line(keys), f"{spelled(keys)}: {message}" if keys else message
 
     def places(self) -> set[Keys]:
-        """The values about which a problem was noted."""
+        """Return the keys of all values with a problem."""
         return {keys for keys, _ in self._problems.values()}
 
     def warnings(self) -> tuple[str, ...]:
-        """What was warned of, each with the file and the line, sorted by line."""
+        """Return the warnings, each with the file and the line, sorted by line."""
         return tuple(f"{self.name}:{line}: {text}" for line, text in sorted(self._warnings))
 
     def line(self, keys: Keys) -> int:
-        """The line of a value, or of the innermost mapping or list around a missing one."""
+        """Return the line of a value, or of the innermost mapping or list around a missing one."""
         while keys and keys not in self.lines:
             keys = keys[:-1]
         return self.lines.get(keys, 1)
 
     def place(self, keys: Keys) -> str:
-        """Spell the place of a value, for problems that are found later."""
+        """Return the place of a value as text, for problems that are found later."""
         return f"{self.name}:{self.line(keys)}: {spelled(keys)}"
 
     def check(self) -> None:
@@ -97,7 +97,7 @@ def meant(name: str, known: Collection[str]) -> str:
 
 
 def listed(names: Collection[str]) -> str:
-    """Return names in a list, which ends after some with how many more there are."""
+    """Return names as a list; a long list is cut and ends with the number of names left out."""
     first = ", ".join(itertools.islice(names, _TOLD)) or "none"
     return first if len(names) <= _TOLD else f"{first} and {len(names) - _TOLD} more"
 

@@ -14,8 +14,8 @@ from proximity_monitor.scene.report import Keys, Report, listed
 from proximity_monitor.scene.srdf import Srdf
 
 _SAME = 1e-5
-"""Share of the smaller link's radius by which links that are drawn touching may be apart, because
-descriptions round: who writes 1.5708 for a right angle turns a link by 4e-6 radians too far."""
+"""Two links touch if their gap is at most this fraction of the smaller link's radius. Descriptions
+round: 1.5708 for a right angle turns a link by 4e-6 radians too far."""
 
 Pairs = Iterator[frozenset[str]]
 
@@ -30,15 +30,15 @@ def excluded(
     unit: Unit,
     report: Report,
 ) -> Pairs:
-    """Return the pairs of the robot's own bodies that are not to be watched.
+    """Yield the pairs of the robot's own bodies that are not to be watched.
 
     Args:
         data: the robot's entry in the file.
-        keys: where that stands.
-        robot: what it describes.
-        names: the body by link, of links with a shape.
-        bodies: these.
-        srdf: the semantic description that it names, if any.
+        keys: the place of the entry.
+        robot: the robot that it describes.
+        names: the body by link, for links with a shape.
+        bodies: the bodies of these links.
+        srdf: the semantic description that the entry names, if any.
         unit: the scene's.
         report: takes the problems.
     """
@@ -57,7 +57,7 @@ def excluded(
 
 
 def _rigid(kinematics: Kinematics, names: Mapping[str, str]) -> Pairs:
-    """The pairs of links whose clearance never changes."""
+    """Yield the pairs of links whose clearance never changes."""
     units = {link: kinematics.unit(link) for link in names}
     for a, b in itertools.combinations(names, 2):
         if units[a] == units[b]:
@@ -87,16 +87,16 @@ def _disabled(srdf: Srdf, keys: Keys, links: tuple[str, ...], report: Report) ->
     for rule in srdf.rules:
         for link in set(rule.links) - set(links) - told:
             told.add(link)
-            # Such files often serve several variants of a robot, and MoveIt passes this over.
+            # An SRDF file often serves several variants of a robot; MoveIt ignores this, too.
             report.warn(keys, f"{srdf.path}:{rule.line}: the robot has no link '{link}'")
     return srdf.disabled(links)
 
 
 def _touching(robot: Robot, bodies: list[Body], keys: Keys, unit: Unit, report: Report) -> Pairs:
-    """The pairs that touch or overlap at the robot's start, or are one inside the other.
+    """Yield the pairs that touch, overlap or contain one another where the robot starts.
 
-    A pair of which it is open stays watched, because a pair that is wrongly left out is never heard
-    of; the report names it.
+    If it is not certain whether a pair touches, it stays watched, because nobody would notice a
+    pair that is wrongly left out. The report names it.
     """
     if not all(body.primitive.parts for body in bodies):
         return  # a mesh is missing, which was reported

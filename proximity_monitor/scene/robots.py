@@ -25,25 +25,25 @@ from proximity_monitor.scene.srdf import Srdf, SrdfError, read_srdf
 from proximity_monitor.scene.urdf import Link, Urdf, UrdfError, parse_urdf, read_urdf
 
 Describe = Callable[[str], str]
-"""Returns the robot description that is published on a topic; it may have to wait for it."""
+"""Returns the robot description that is published on a topic, and may wait for it."""
 
 _ROUNDED = 1e-5
-"""Radians or metres by which a position may be beyond a limit: descriptions round pi to 3.14159."""
+"""Radians or metres by which a position may exceed a limit: descriptions round pi to 3.14159."""
 
 _UNFIT = re.compile(r"[^a-z0-9_]")
 
 
 @dataclass(frozen=True)
 class Robots:
-    """What the section adds to a scene."""
+    """What the section adds to the scene."""
 
     robots: tuple[Robot, ...]
     bodies: tuple[Body, ...]
     """The links that have a shape, in the order of the robots and of their descriptions."""
     groups: Mapping[str, list[str]]
-    """By a robot's name, its bodies."""
+    """Names of a robot's bodies, by the robot's name."""
     excluded: frozenset[frozenset[str]]
-    """Pairs of bodies not to watch."""
+    """Pairs of bodies that are not watched."""
 
 
 def read_robots(
@@ -58,9 +58,9 @@ def read_robots(
     """Make robots and the bodies of their links; their problems go to the report.
 
     Args:
-        section: obeys the schema.
+        section: the file's section, which obeys the schema.
         bodies: the scene's other bodies, whose names are taken.
-        assemblies: the names of groups that hold the parts of one, which are taken as well.
+        assemblies: the names of the assemblies, which are taken as well.
         folder: the scene file's.
         unit: of the base poses; a robot description is in metres and radians.
         report: takes the problems.
@@ -79,7 +79,7 @@ def read_robots(
         found = list(reader.bodies(taken))
         links += found
         groups[data["name"]] = [body.name for body in found]
-        # Two links may have got one name, which was reported; they make no pair.
+        # Two links that got the same body name, which was reported, make no pair.
         apart.update(
             pair
             for pair in excluded(data, keys, reader.robot, reader.names, found, srdf, unit, report)
@@ -95,8 +95,8 @@ def _descriptions(
     report: Report,
     describe: Describe | None,
 ) -> tuple[Urdf, Srdf | None]:
-    """A robot's description, and the pairs of its links that need not be watched."""
-    # Arguments of xacro files are text, whatever it means in YAML.
+    """Read a robot's description, and its semantic description if it names one."""
+    # Arguments of xacro files are text, even if YAML would read a number, for example.
     given = {name: report.texts[*keys, "xacro_args", name] for name in data.get("xacro_args", {})}
     arguments = Arguments(given)
     key, srdf = "urdf", None
@@ -116,7 +116,7 @@ def _descriptions(
             report.warn((*keys, key, name), f"no xacro file asks for '{name}'{known}")
     except (SceneError, UrdfError, SrdfError) as error:
         report.add((*keys, key), str(error))
-        report.check()  # without links nothing that names them can be checked
+        report.check()  # nothing that names links can be checked without them
         raise
     return urdf, srdf
 
@@ -139,7 +139,7 @@ def _urdf(
 
 
 class _Reader:
-    """One robot of the section."""
+    """Reads one robot of the section."""
 
     def __init__(
         self, data: Mapping[str, Any], keys: Keys, urdf: Urdf, unit: Unit, report: Report
@@ -147,7 +147,7 @@ class _Reader:
         self._data, self._keys, self._urdf = data, keys, urdf
         self._unit, self._report = unit, report
         self.names: dict[str, str] = {}
-        """The body by link, of links with a shape."""
+        """Name of the body by name of the link, for links with a shape."""
         kinematics = urdf.kinematics
         base = np.eye(4)
         if "pose" in data:
@@ -159,7 +159,7 @@ class _Reader:
         plain = {link: self._body_name(_UNFIT.sub("_", link.lower())) for link in shaped}
         count = Counter(plain.values())
         for link, name in plain.items():
-            # Where the letters of a link's own name tell it from others, it keeps them.
+            # If several links get the same plain name, each keeps its own spelling.
             self.names[link] = name if count[name] == 1 else self._body_name(fitting(link))
         if not self.names:
             self._tell_nothing_to_watch()
@@ -188,7 +188,7 @@ class _Reader:
         return Root(topic, data.get("frame", name))
 
     def _kinds(self) -> tuple[str, str]:
-        """Which shapes of links are watched, and which are not."""
+        """Return which kind of link shapes is watched, and which kind is not."""
         wanted = self._data.get("meshes", "collision")
         return wanted, {"collision": "visual", "visual": "collision"}[wanted]
 
@@ -218,7 +218,7 @@ class _Reader:
         self._report.check()
 
     def _start(self, kinematics: Kinematics) -> dict[str, float]:
-        """The positions from the file of joints that exist and allow them."""
+        """Return the file's start positions; report unknown joints and exceeded limits."""
         start = {}
         free = {joint.name: joint for joint in kinematics.free}
         for kind in ("angles_deg", "offsets"):
@@ -240,12 +240,12 @@ class _Reader:
         return link.collision if self._data.get("meshes") != "visual" else link.visual
 
     def _body_name(self, link: str) -> str:
-        """``ROBOT_LINK``, unless the link's name begins so itself."""
+        """Return ``ROBOT_LINK``, or the link's name if it begins with ``ROBOT_`` already."""
         robot = self._data["name"]
         return link if link.startswith(f"{robot}_") else fitting(f"{robot}_{link}")
 
     def bodies(self, taken: set[str]) -> Iterator[Body]:
-        """The links that have a shape; their names are taken from now on."""
+        """Yield the bodies of links that have a shape, and add their names to `taken`."""
         robot, kinematics = self.robot, self._urdf.kinematics
         poses = kinematics.poses(kinematics.values(robot.start), robot.base)
         standing = dict(zip(kinematics.links, poses, strict=True))
@@ -288,7 +288,7 @@ class _Reader:
 
 
 def check_script(section: Mapping[str, Any], robots: tuple[Robot, ...], report: Report) -> None:
-    """Report joints of a `script` that no robot has, or that are of another kind."""
+    """Report a `script`'s joints that are unknown, ambiguous, of another kind, or share a topic."""
     free = joints_of(robots)
     firsts = {called: owned[0][1] for called, owned in free.items()}
     for name, joint in section.get("script", {}).get("joints", {}).items():
@@ -312,7 +312,7 @@ def check_script(section: Mapping[str, Any], robots: tuple[Robot, ...], report: 
 
 
 def joints_of(robots: Sequence[Robot]) -> dict[str, list[tuple[Robot, Joint]]]:
-    """Return the joints that a script may move by what it calls them: JOINT or ROBOT/JOINT."""
+    """Return the joints that a script may move, by the names it may use: JOINT or ROBOT/JOINT."""
     found: dict[str, list[tuple[Robot, Joint]]] = {}
     for robot in robots:
         for joint in robot.kinematics.free:
@@ -326,7 +326,10 @@ def joints_of(robots: Sequence[Robot]) -> dict[str, list[tuple[Robot, Joint]]]:
 def _joint(
     name: str, kind: str, free: Mapping[str, Joint], keys: Keys, report: Report
 ) -> Joint | None:
-    """The joint of a name whose positions the file gives as `kind`: angles_deg or offsets."""
+    """Return a free joint by name; None, with a problem in the report, if it does not fit.
+
+    `kind` is the key under which the file gives the joint's positions: angles_deg or offsets.
+    """
     if name not in free:
         report.add(keys, f"no joint '{name}' can be set", (name, free))
         return None

@@ -1,4 +1,4 @@
-"""Checks a scene file's data against `schema.json`, in words that a person can act on."""
+"""Checks a scene file's data against `schema.json`, and reports what the user can do about it."""
 
 from __future__ import annotations
 
@@ -37,10 +37,10 @@ def _schema() -> dict[str, Any]:
 
 
 def bounds(key: str) -> tuple[float, float]:
-    """Return the least and the greatest number that a key allows; of lengths, in metres.
+    """Return the smallest and the largest number that a key allows; for a length, in metres.
 
     Args:
-        key: one of the file's, or of a definition of the schema: ``rate_hz``, ``thresholds.warn``.
+        key: a key of the file or of a schema definition, as ``rate_hz`` or ``thresholds.warn``.
     """
     found = {"properties": _schema()["$defs"] | _schema()["properties"]}
     for name in key.split("."):
@@ -51,7 +51,10 @@ def bounds(key: str) -> tuple[float, float]:
 
 
 def _validator(unit: Unit | None) -> Draft202012Validator:
-    """With the limits of lengths, which are in metres; None: the file's unit is not known."""
+    """Return a validator that also checks limits of lengths, which the schema has in metres.
+
+    Without a `unit`, because the file's own is not known, it checks no lengths.
+    """
 
     def within(
         validator: Draft202012Validator, most: float, got: Any, _: Any
@@ -65,7 +68,7 @@ def _validator(unit: Unit | None) -> Draft202012Validator:
 
 
 def check(data: Any, report: Report) -> None:
-    """Add to the report whatever the schema forbids."""
+    """Report everything in the data that the schema forbids."""
     unreadable = report.places()
     unit = data.get("unit") if isinstance(data, dict) else None
     known = UNITS.get(unit) if isinstance(unit, str) else None
@@ -76,7 +79,7 @@ def check(data: Any, report: Report) -> None:
 
 
 def _problems(error: ValidationError) -> Iterator[tuple[Keys, str]]:
-    """Translate one finding of the validator; all unknown keys of a mapping are one finding."""
+    """Translate one finding of the validator; a finding may hold several unknown keys."""
     keys, got = tuple(error.absolute_path), error.instance
     rule, value = error.validator, error.validator_value
     if "propertyNames" in error.absolute_schema_path:
@@ -91,7 +94,7 @@ def _problems(error: ValidationError) -> Iterator[tuple[Keys, str]]:
             if key not in got:
                 yield keys, f"needs the key '{key}'"
     elif rule == "oneOf":
-        if isinstance(got, dict):  # or else its type is a finding of its own
+        if isinstance(got, dict):  # if not, another finding reports the type
             choices = [branch["required"][0] for branch in value]
             given = [f"'{key}'" for key in choices if key in got]
             names = ", ".join(f"'{key}'" for key in choices)
@@ -100,7 +103,7 @@ def _problems(error: ValidationError) -> Iterator[tuple[Keys, str]]:
         choices = " or ".join(f"'{branch['required'][0]}'" for branch in value)
         yield keys, f"needs the key {choices}"
     elif rule == "not":  # keys that stand for the same thing
-        if isinstance(got, dict):  # or else its type is a finding of its own
+        if isinstance(got, dict):  # if not, another finding reports the type
             yield keys, f"needs only one of {', '.join(map(repr, value['required']))}"
     elif rule == "type":
         kinds = [value] if isinstance(value, str) else value

@@ -1,4 +1,4 @@
-"""The text of a scene file: plain data, and the line on which each value stands."""
+"""Reads the text of a scene file into plain data, and notes the line of each value."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ _MAX_DEPTH = 32
 _YAML = "tag:yaml.org,2002:"
 _NUMBERS = {_YAML + kind for kind in ("int", "float")}
 _ODD = re.compile(r"[-+]?0[0-7_]+$|[^:]+:")
-"""Octal numbers, and those to the base of sixty, as of minutes and seconds."""
+"""Numbers that YAML 1.1 reads as octal (010) or in base 60 (1:30 is 90)."""
 _SCALARS = {_YAML + kind for kind in ("null", "bool", "int", "float", "str")}
 
 
 class _Loader(yaml.SafeLoader):
-    """YAML 1.1, which reads 1e-3 as a number, too: the standard wants a dot."""
+    """Loads YAML 1.1, and also reads 1e-3 as a number, although the standard requires a dot."""
 
 
 _Loader.add_implicit_resolver(
@@ -40,8 +40,8 @@ def read(path: str | os.PathLike[str]) -> tuple[Any, Report]:
     """Read a YAML file without executing anything that it names.
 
     Returns:
-        The data as dicts, lists and scalars, and a report that knows their lines. It may hold
-        problems already: repeated keys, values that are not plain or not finite.
+        The data as dicts, lists and scalars, and a report that knows their lines. The report may
+        hold problems already: repeated keys, values that are not plain or not finite.
 
     Raises:
         SceneError: the file cannot be read, or is not one YAML document.
@@ -160,5 +160,5 @@ class _Reader:
 
 
 def _printable(text: str) -> bool:
-    """Whether the text can be part of a file name, a topic or a message."""
+    """Return whether the text can be part of a file name, a topic or a message."""
     return not any(unicodedata.category(char) in ("Cc", "Cs") for char in text)

@@ -17,7 +17,7 @@ _RULES = {
     "disable_default_collisions": ("link",),
     "enable_collisions": ("link1", "link2"),
 }
-"""The attributes that name links, by element."""
+"""By element, the attributes that name its links."""
 
 
 class SrdfError(ValueError):
@@ -60,7 +60,8 @@ def read_srdf(path: Path, arguments: Mapping[str, str] = NO_ARGUMENTS) -> Srdf:
         arguments: of the xacro file, by name.
 
     Raises:
-        SrdfError: not readable, not such a description, an element that does not name its links.
+        SrdfError: the file is not readable or no such description, or an element does not name its
+            links.
     """
     try:
         root = markup.read(path, arguments)

@@ -18,16 +18,16 @@ Item = TypeVar("Item")
 
 
 class PairStatus(enum.Enum):
-    """How the numbers of a pair are to be read."""
+    """What the numbers of a pair mean."""
 
     EXACT = "exact"
     WITHIN_TOLERANCE = "within tolerance"
     BOUNDED = "bounded"
-    """Certified bounds that are wider than those of a distance: there was no time for more, or only
-    the side of a threshold was asked for."""
+    """Certified bounds that are wider than the tolerance: the time ran out, or the question was
+    only on which side of a threshold the distance lies."""
     INTERSECTING = "intersecting"
-    """The surfaces touch or cross. Two solids touch, or it is not known yet whether they
-    overlap."""
+    """The surfaces touch or cross. If both are solids, they touch, or it is not known yet whether
+    they overlap."""
     OVERLAPPING = "overlapping"
     """Two solids overlap, perhaps one wholly inside the other: even the upper bound is negative."""
     UNKNOWN = "unknown pose"
@@ -37,7 +37,7 @@ class PairStatus(enum.Enum):
 _UNKNOWN_POINTS = np.full((2, 3), np.nan)
 
 NO_POSE_YET, NO_RECENT_POSE = "no pose yet", "no recent pose"
-"""Why a body is silent, unless a closer reason is known."""
+"""Why a body is silent, unless a more specific reason is known."""
 
 
 def silence(
@@ -52,7 +52,7 @@ def silence(
         names: the silent bodies.
         reasons: such as "no recent pose", by body name.
         otherwise: the reason for bodies without one.
-        listed: makes a text of the names of one reason.
+        listed: joins the names of the bodies that share a reason.
     """
     found: dict[str, list[str]] = {}
     for name in names:
@@ -61,7 +61,7 @@ def silence(
 
 
 STATUSES = tuple(PairStatus)
-"""A status by its code in `PairStates.status`, as `Schedule.report` of the engine gives it."""
+"""Statuses by their codes in `PairStates.status`, which the engine's `Schedule.report` gives."""
 
 
 class PoseSample(NamedTuple):
@@ -70,7 +70,7 @@ class PoseSample(NamedTuple):
     pose: np.ndarray
     """(4, 4) model to world."""
     stale: bool = False
-    """Whether it is too old to be relied on; it still is the best known pose."""
+    """Whether the pose is too old to be relied on; it still is the best known pose."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,27 +84,27 @@ class PairState:
     distance of two solids is signed: negative if they overlap."""
     upper: float
     point_a: np.ndarray
-    """(3,) on A; an `upper` that is not negative is the distance of the two points (plus rounding
-    and deformation, where carried)."""
+    """(3,) witness point on A. An `upper` that is not negative is the distance of the two points,
+    plus rounding and, in an answer from an earlier tick, plus deformation."""
     point_b: np.ndarray
     status: PairStatus
     age_s: float
-    """Seconds since the numbers were an answer to the present poses, 0 while they are; inf if the
-    pair was never searched."""
+    """Seconds since the pair's last search. 0 if the pair was searched in this tick, or if its
+    numbers still answer the present poses; inf if it was never searched."""
     silent: tuple[str, ...]
     """The bodies of the pair whose pose or shape is stale or was never given."""
     session_min: float
-    """The smallest `upper` of the session, which was certainly reached; inf before the first."""
+    """The smallest `upper` of the session: the pair was certainly that near. inf at first."""
     session_min_lower: float
     """The smallest `lower` of the session: the pair was never nearer than this at a tick."""
     index: int = 0
     """The pair's position among the scene's pairs."""
     kinds: tuple[type[engine.Model], ...] = ()
-    """Of A's and of B's model; empty where it is not known where on them the points lie."""
+    """Classes of A's and B's models; empty if the places of the points on them are not known."""
     elements: tuple[int, ...] = (-1, -1)
-    """Which elements of the models the points lie on, and"""
+    """The elements of the models on which the points lie; -1: not known."""
     parameters: np.ndarray | None = None
-    """(2, 3) where; `features` tells what that means."""
+    """(2, 3) the points' parameters on these elements; `features` interprets them."""
 
     @property
     def stale(self) -> bool:
@@ -113,7 +113,7 @@ class PairState:
 
     @property
     def features(self) -> tuple[Feature, ...]:
-        """Where the points lie on A's and on B's model; empty where not known."""
+        """Where the points lie on A's and on B's model; empty if not known."""
         if not self.kinds:
             return ()
         sides = zip(self.kinds, self.elements, self.parameters, strict=True)
@@ -127,7 +127,7 @@ class LazySequence(Sequence[Item]):
 
     @abstractmethod
     def _made(self, places: range) -> Iterator[Item]:
-        """The items at these places, which all exist."""
+        """Yield the items at these places, which all exist."""
 
     @overload
     def __getitem__(self, at: int) -> Item: ...
@@ -136,7 +136,7 @@ class LazySequence(Sequence[Item]):
     def __getitem__(self, at: slice) -> tuple[Item, ...]: ...
 
     def __getitem__(self, at: int | slice) -> Item | tuple[Item, ...]:
-        """One item, or those of a slice."""
+        """Return one item, or the items of a slice."""
         if isinstance(at, slice):
             return tuple(self._made(range(*at.indices(len(self)))))
         place, count = operator.index(at), len(self)
@@ -146,7 +146,7 @@ class LazySequence(Sequence[Item]):
         return item
 
     def __iter__(self) -> Iterator[Item]:
-        """All items, one by one."""
+        """Yield all items, one by one."""
         return self._made(range(len(self)))
 
 
@@ -157,18 +157,18 @@ class PairStates(LazySequence[PairState]):
     Attributes:
         names: the names of all bodies.
         positions: (k,) the pairs' positions among the scene's pairs.
-        bodies: (k, 2) indices of its bodies.
+        bodies: (k, 2) indices of the pairs' bodies.
         lower: (k,) metres; NaN if a pose is unknown.
         upper: (k,) metres.
         points: (k, 2, 3) metres, world.
         status: (k,) codes, positions in STATUSES.
-        age_s: (k,)
+        age_s: (k,) seconds.
         silent: (k, 2) whether the pose or shape of either body is stale or unknown.
         session_min: (k,) metres.
         session_min_lower: (k,) metres.
-        kinds: of the bodies' models.
-        elements: (k, 2) which elements of the models the points lie on; -1: not known.
-        parameters: (k, 2, 3) where on them.
+        kinds: the classes of the bodies' models.
+        elements: (k, 2) the elements of the models on which the points lie; -1: not known.
+        parameters: (k, 2, 3) the points' parameters on these elements.
     """
 
     names: tuple[str, ...]
@@ -187,7 +187,7 @@ class PairStates(LazySequence[PairState]):
     parameters: np.ndarray
 
     def __len__(self) -> int:
-        """How many listed pairs there are."""
+        """Return the number of listed pairs."""
         return len(self.positions)
 
     def _made(self, places: range) -> Iterator[PairState]:
@@ -218,11 +218,11 @@ class PairStates(LazySequence[PairState]):
     @property
     def unsure(self) -> np.ndarray:
         """(k,) whether either body's pose or shape is stale or unknown."""
-        return self.silent[:, 0] | self.silent[:, 1]  # of two columns `any` takes ten times as long
+        return self.silent[:, 0] | self.silent[:, 1]  # `any` takes ten times as long
 
     def clearance(self) -> float:
-        """As `Tick.clearance`, but of the listed pairs alone."""
-        # A bound is NaN if a pose is unknown; it counts as 0, like that of every silent pair.
+        """Return what `Tick.clearance` returns, but for the listed pairs alone."""
+        # A silent pair's bound counts as at most 0, and as 0 if it is NaN (a pose is unknown).
         lowest = np.where(self.unsure, np.fmin(self.lower, 0.0), self.lower)
         return float(lowest.min(initial=np.inf))
 
@@ -261,28 +261,28 @@ class Tick:
     """What one tick certifies about every watched pair."""
 
     pairs: Sequence[PairState]
-    """The listed pairs in the scene's order: all of infinite range, and those of finite range that
-    may be within it."""
+    """The listed pairs in the scene's order: all pairs of infinite range, and the pairs of finite
+    range that may be within their range or are kept."""
     elapsed_s: float
     budget_s: float
     searched: tuple[int, ...]
-    """Indices, among the scene's pairs, of those that were searched, in that order."""
+    """Indices, in the scene, of the pairs that were searched, in the order of the searches."""
     left: int
-    """Pairs that wanted a search and got none, or whose search ran out of time."""
+    """How many pairs wanted a search and got none, or had a search that ran out of time."""
     far: int = 0
-    """Pairs that are certainly farther apart than their range, and so not listed."""
+    """How many pairs are certainly farther apart than their range, and so not listed."""
     beyond: float = float("inf")
-    """Metres; all of these are farther apart than this."""
+    """Metres; all `far` pairs are farther apart than this."""
     unsure: int = 0
-    """Pairs of silent bodies that are not listed because there are too many: nothing is certain
+    """How many pairs of silent bodies are not listed because there are too many. Nothing is certain
     about them."""
 
     def clearance(self) -> float:
-        """Return the smallest lower bound, in metres; 0 if any pair has a stale or unknown pose.
+        """Return the smallest lower bound, metres; at most 0 if a pair's pose is stale or unknown.
 
-        Nothing is certain about such a pair, and 0 is the bound that always holds for surfaces, so
-        a comparison with a threshold never takes silence for clearance. Solids that overlap make it
-        negative. Without pairs it is inf.
+        Nothing is certain about such a pair. Its bound counts as 0, which always holds for
+        surfaces, so a comparison with a threshold never takes silence for clearance. The result is
+        negative if solids overlap, and inf if there are no pairs.
         """
         if isinstance(self.pairs, PairStates):
             lowest = self.pairs.clearance()

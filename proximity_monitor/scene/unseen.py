@@ -1,4 +1,7 @@
-"""Watched pairs that cannot see one body inside the other: their larger body is a surface."""
+"""Finds watched pairs that cannot detect one body inside the other.
+
+The larger body of such a pair is a surface, so that nothing counts as inside it.
+"""
 
 from __future__ import annotations
 
@@ -14,22 +17,22 @@ if TYPE_CHECKING:
     from proximity_monitor.scene.description import Scene
 
 _NAMED = 5
-"""How many pairs and bodies are named."""
+"""How many pairs, and how many bodies, are named."""
 
 
 @dataclass(frozen=True)
 class Unseen:
-    """Watched pairs whose larger body is a surface, so that nothing lies inside it."""
+    """Watched pairs whose larger body is a surface, so that nothing counts as inside it."""
 
     count: int
     """How many such pairs there are."""
     pairs: tuple[tuple[str, str], ...]
-    """The first few, by the names of their bodies."""
+    """The first few of them, by the names of their bodies."""
     reasons: Mapping[str, str]
-    """Why these larger bodies are no solids, by name."""
+    """Why the larger bodies are no solids, by name."""
 
     def __str__(self) -> str:
-        """Describe them in a few lines, with the way out; empty if there are none."""
+        """Describe the pairs and the remedy in a few lines; empty if there are no such pairs."""
         if not self.count:
             return ""
         named = ", ".join(f"{a} - {b}" for a, b in self.pairs)
@@ -47,7 +50,7 @@ class Unseen:
 
 
 def unseen_containment(scene: Scene, models: Mapping[str, engine.Model]) -> Unseen:
-    """Find the watched pairs that cannot see one body inside the other.
+    """Find the watched pairs that cannot detect one body inside the other.
 
     Args:
         scene: the bodies and pairs.

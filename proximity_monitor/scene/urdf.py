@@ -1,7 +1,7 @@
 """Reads robot descriptions in URDF: links with their shapes, and the joints between them.
 
 Only joints and shapes are read. Masses, materials, transmissions and the additions of other
-programs are skipped, so a mistake there stops nobody. Meshes are only named here.
+programs are skipped, so a mistake there is no error. Mesh files are named, but not opened.
 
 The format is in metres and radians (http://wiki.ros.org/urdf/XML).
 """
@@ -30,8 +30,8 @@ _VERSIONS = ("1", "1.0", "1.1", "1.2")
 _PLACE = ("xyz", "rpy", "quat_xyzw")
 """The attributes of an origin."""
 _KINDS = ("fixed", "revolute", "continuous", "prismatic")
-# Metres or radians. Beyond this, float64 rounds by more than a robot's clearances, and products of
-# such numbers could overflow.
+# Metres or radians. Beyond this, the rounding of float64 exceeds a robot's clearances, and products
+# of such numbers could overflow.
 _, _LARGEST = bounds("coordinate")
 _Vector = tuple[float, float, float]
 
@@ -47,11 +47,12 @@ class Shape:
     geometry: str | Primitive
     """A mesh file as the description names it, or a primitive in metres."""
     scale: _Vector
-    """Factors on a mesh along its own axes; a negative one mirrors it."""
+    """Factors on a mesh along its own axes; a negative factor mirrors it."""
     xyz: _Vector
     """Its origin in the link's frame, metres."""
     rpy: _Vector
-    """Its orientation there: turns about the fixed x, y and z axes in this order, radians."""
+    """Its orientation in the link's frame: turns about the fixed x, y and z axes in this order,
+    radians."""
 
 
 @dataclass(frozen=True)
@@ -65,10 +66,10 @@ class Link:
 
 @dataclass(frozen=True)
 class Urdf:
-    """A robot as described."""
+    """A robot according to its description."""
 
     path: Path
-    """The file, which need not exist; meshes are found from its folder."""
+    """The file, which need not exist; relative mesh paths start from its folder."""
     links: tuple[Link, ...]
     kinematics: Kinematics
 
@@ -81,9 +82,9 @@ def read_urdf(path: Path, arguments: Mapping[str, str] = NO_ARGUMENTS) -> Urdf:
         arguments: of the xacro file, by name.
 
     Raises:
-        UrdfError: not readable, not a robot description, a value that is missing or makes no sense,
-            a joint of a kind without a single position (`floating`, `planar`), links that are no
-            tree. The message says where and what.
+        UrdfError: the file is not readable or no robot description, a value is missing or makes no
+            sense, a joint is of a kind without a single position (`floating`, `planar`), or the
+            links form no tree. The message says where and what.
     """
     try:
         root = markup.read(path, arguments)
@@ -97,7 +98,7 @@ def parse_urdf(text: str, name: str, folder: Path) -> Urdf:
 
     Args:
         text: the description.
-        name: what messages call it.
+        name: how messages call the description.
         folder: where meshes with a relative path are found.
 
     Raises:
@@ -217,7 +218,7 @@ class _Reader:
         if found is None:
             found = Element("origin")
         here, zero = f"{at}, <origin>", (0.0, 0.0, 0.0)
-        # One with a colon is another program's.
+        # An attribute with a colon belongs to another program.
         for key in found.attrib:
             if key not in _PLACE and ":" not in key:
                 self._fail(here, f"unknown attribute '{key}'{meant(key, _PLACE)}")
@@ -294,7 +295,7 @@ class _Reader:
 
 
 def _has_macros(root: Element) -> bool:
-    """Whether an element is of xacro, by its prefix."""
+    """Return whether any element belongs to xacro, by its prefix."""
     elements = list(root.iter())
     prefixes = {
         key.partition(":")[2]

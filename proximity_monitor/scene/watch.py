@@ -1,13 +1,12 @@
-"""The watched pairs, all of them and those that are near now.
-
-All of them are a rule and its exceptions, never a list of what follows from the rule.
+"""All watched pairs of a scene, and the pairs that are near now.
 
 A thousand bodies that are all watched against each other make half a million pairs, ten thousand
-make fifty million. The file describes them in a few lines, and so does this module.
+bodies fifty million. The file describes these pairs in a few lines. This module, too, stores a rule
+and its exceptions, never a list of the pairs that follow from the rule.
 
-Followed one by one are the pairs of infinite range, and the near ones. A pair whose bodies' balls
-are farther apart than its range costs nothing: the broad phase never meets it, and yet it is
-certified.
+Only the pairs of infinite range and the near pairs are followed one by one. If the bounding balls
+of a pair are farther apart than its range, the pair costs nothing: the broad phase never visits
+it, and its distance is certified all the same.
 """
 
 from __future__ import annotations
@@ -27,14 +26,14 @@ CONTACT = Thresholds(warn=0.0, stop=0.0, hysteresis=0.0)
 UNWATCHED = -1
 """The kind of a pair that is not watched."""
 _CHUNK = 4096
-"""How many pairs are made in one go."""
+"""How many pairs are made at a time."""
 
 
 LISTED_SILENT = 250
-"""How many pairs of silent bodies are listed although they were far apart when last heard of. One
-by one they are of no use: if a thousand bodies are silent, so are half a million pairs. With this
-limit a crowd whose poses are still to come costs a tick no more than one that is there. A tick that
-lists fewer pairs of silent bodies lists all of them."""
+"""How many pairs of silent bodies are listed although they were far apart at their last known
+poses. A list of all these pairs would be of no use: if a thousand bodies are silent, so are half a
+million pairs. With this limit, many bodies without poses cost a tick no more than bodies with
+poses. A tick that lists fewer pairs of silent bodies lists all of them."""
 
 
 @dataclass(frozen=True)
@@ -50,10 +49,10 @@ class PairSettings:
 
 
 class WatchedPairs(LazySequence[WatchedPair]):
-    """The watched pairs of a scene, in the order of their bodies, made when they are read.
+    """The watched pairs of a scene, in the order of their bodies; each is made when it is read.
 
-    Bodies are known by their indices; the first of a pair is the lower one. A pair's *kind* says
-    how it is watched: an index of `kinds`.
+    A body is given by its index; the first body of a pair has the lower one. A pair's *kind* is an
+    index into `kinds`, which says how the pair is watched.
     """
 
     def __init__(
@@ -68,11 +67,11 @@ class WatchedPairs(LazySequence[WatchedPair]):
 
         Args:
             names: the bodies' names.
-            moving: which bodies move; two that do not are never watched.
+            moving: which bodies move or deform; a pair of two others is never watched.
             kinds: all settings that occur.
-            rule: the kind of every pair that is no exception; UNWATCHED for none.
-            exceptions: (k, 3) whole numbers: two bodies, the lower index first, one of them moving,
-                and their kind or UNWATCHED; each pair once.
+            rule: the kind of every pair that is no exception; UNWATCHED: only exceptions count.
+            exceptions: (k, 3) integers: two bodies, the lower index first, one of them moving,
+                and their kind or UNWATCHED. Each pair occurs once.
         """
         self.names = tuple(names)
         self.moving = np.array(moving, dtype=bool)
@@ -86,8 +85,8 @@ class WatchedPairs(LazySequence[WatchedPair]):
             a, b, kind = a[kind >= 0], b[kind >= 0], kind[kind >= 0]
         self._a, self._b, self._kind = a, b, kind
         self._exceptions = self._keys(a, b)
-        # How many pairs of the rule have each body first: with all later bodies if it moves, else
-        # with the later moving ones.
+        # For each body, how many pairs of the rule it is the first body of. Its partners are all
+        # later bodies if it moves, else the later moving bodies.
         self._movers = np.flatnonzero(self.moving)
         self._movers_before = np.concatenate(([0], np.cumsum(self.moving)))
         index = np.arange(len(self.names))
@@ -102,7 +101,7 @@ class WatchedPairs(LazySequence[WatchedPair]):
         self._length = len(a) if rule == UNWATCHED else int(self._starts[-1]) - len(self._gone)
 
     def __len__(self) -> int:
-        """How many watched pairs there are."""
+        """Return the number of watched pairs."""
         return self._length
 
     def _made(self, places: range) -> Iterator[WatchedPair]:
@@ -112,7 +111,7 @@ class WatchedPairs(LazySequence[WatchedPair]):
                 yield WatchedPair(self.names[i], self.names[j], **vars(self.kinds[kind]))
 
     def bodies(self, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the first and the second bodies, (k,) each, of the pairs at positions (k,)."""
+        """Return the first and the second bodies, (k,) each, of the pairs at `positions` (k,)."""
         if self.rule == UNWATCHED:
             return self._a[positions], self._b[positions]
         ranks = positions + np.searchsorted(
@@ -124,14 +123,14 @@ class WatchedPairs(LazySequence[WatchedPair]):
         return a, np.where(self.moving[a], a + 1 + later, self._movers[mover])
 
     def positions(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        """Return the positions (k,) of the watched pairs of first and second bodies (k,) each."""
+        """Return the positions (k,) of watched pairs, whose bodies are `a` and `b`, (k,) each."""
         if self.rule == UNWATCHED:
             return np.searchsorted(self._exceptions, self._keys(a, b))
         ranks = self._rank(a, b)
         return ranks - np.searchsorted(self._gone, ranks)
 
     def kind(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        """Return the kinds (k,) of pairs with a moving body; UNWATCHED for those not watched."""
+        """Return the kinds (k,) of pairs with a moving body; UNWATCHED if a pair is not watched."""
         kinds = np.full(len(a), self.rule)
         if len(self._exceptions):
             keys = self._keys(a, b)
@@ -161,7 +160,7 @@ class WatchedPairs(LazySequence[WatchedPair]):
         return np.where(reaches >= 0.0, np.maximum(reaches, least), reaches)
 
     def finite_of(self, chosen: np.ndarray) -> int:
-        """Return how many pairs of finite range have one of the chosen bodies, a mask (n,)."""
+        """Return how many pairs of finite range have a body in the mask `chosen` (n,)."""
         if not self.ruled_finite:
             return len(self.finite_exceptions_of(chosen)[0])
         movers, others = (int(((self.moving == each) & ~chosen).sum()) for each in (True, False))
@@ -170,13 +169,13 @@ class WatchedPairs(LazySequence[WatchedPair]):
         return int(self._starts[-1]) - among_others - int(other.sum())
 
     def finite_exceptions_of(self, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return both bodies, (k,) each, of such pairs that are exceptions, in order."""
+        """Return both bodies, (k,) each, of the exceptions among these pairs, in order."""
         which = (chosen[self._a] | chosen[self._b]) & self._finite_exceptions()
         return self._a[which], self._b[which]
 
     @property
     def ruled_finite(self) -> bool:
-        """Whether the rule watches pairs, with a finite range."""
+        """Whether the rule watches pairs and their range is finite."""
         return self.rule != UNWATCHED and bool(np.isfinite(self.ranges[self.rule]))
 
     def _ruled_infinite(self) -> bool:
@@ -189,13 +188,16 @@ class WatchedPairs(LazySequence[WatchedPair]):
         return a * len(self.names) + b
 
     def _rank(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        """The positions of pairs among all that have a moving body."""
+        """Return the positions of pairs among all pairs with a moving body."""
         among_movers = self._movers_before[b] - self._movers_before[a + 1]
         return self._starts[a] + np.where(self.moving[a], b - a - 1, among_movers)
 
 
 class Change(NamedTuple):
-    """The pairs of finite range that left, and those that came; both may use the same row."""
+    """The pairs of finite range that lost their rows, and the pairs that got rows.
+
+    A row in `left_rows` may be used again in `come_rows`.
+    """
 
     left: np.ndarray
     """(k,) keys: the first body's index times the number of bodies, plus the second's."""
@@ -208,7 +210,11 @@ NO_CHANGE = Change(*(np.empty(0, np.int64) for _ in range(4)))
 
 
 class NearPairs:
-    """The pairs that have rows in a table of answers, in the scene's order."""
+    """The pairs that have rows in a table of answers, in the scene's order.
+
+    These are all pairs of infinite range, and the pairs of finite range that are near, are kept, or
+    are listed because a body is silent.
+    """
 
     rows: np.ndarray
     """(k,) their rows in the table of answers."""
@@ -220,7 +226,7 @@ class NearPairs:
     kinds: np.ndarray
     """(k,) their kinds, see `WatchedPairs`."""
     unsure: int
-    """How many pairs of silent bodies have no row because there are too many; ignored ones do not
+    """How many pairs of silent bodies have no row because there are too many. Ignored pairs do not
     count."""
     beyond: float
     """Metres; all pairs without a row are farther apart than this."""
@@ -244,21 +250,22 @@ class NearPairs:
         self._sort()
 
     def set_least(self, least: float) -> None:
-        """Let every finite range count for at least this, metres: alerts depend on it."""
+        """Treat every finite range as at least `least` metres, which alerts need."""
         reaches = self._watched.reaches(least)
         self._taking_part = np.flatnonzero(reaches >= 0.0)
-        # A pair's range is at most that of either body, so half of each suffices. Doubling is
-        # exact, and so is halving, except for subnormals, which the broad phase's floor covers.
+        # A pair's range is at most the reach of either body, so dilating each ball by half its
+        # body's reach suffices. Doubling is exact, and so is halving except for subnormals, which
+        # the broad phase's floor covers.
         self._dilation = np.where(reaches >= 0.0, reaches, 0.0) / 2.0
         self._heard = None
 
     def ignore(self, positions: np.ndarray) -> None:
-        """Leave the watched pairs at positions (k,) out of `unsure`: nobody asks about them."""
+        """Do not count the watched pairs at `positions` (k,) in `unsure`."""
         self._ignored = self._of_finite_range(*self._watched.bodies(positions))
         self._heard = None
 
     def keep(self, positions: np.ndarray) -> None:
-        """Let the watched pairs at positions (k,) have rows wherever their bodies are."""
+        """Give rows to the watched pairs at `positions` (k,), wherever their bodies are."""
         self._kept = self._of_finite_range(*self._watched.bodies(positions))
         self._heard = None
 
@@ -266,8 +273,8 @@ class NearPairs:
         """Find the pairs that are near at the present poses.
 
         Args:
-            known: (n,) the bodies whose pose is known.
-            silent: (n,) the bodies whose pose may have changed unheard.
+            known: (n,) which bodies have a known pose.
+            silent: (n,) which bodies may have moved although no new pose arrived.
             moved: whether any body moved since the last call.
         """
         heard = known.tobytes(), silent.tobytes()
@@ -292,19 +299,19 @@ class NearPairs:
         return self._replace(keys)
 
     def _of_finite_range(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        """The keys of those pairs that are watched with a finite range."""
+        """Return the keys of the given pairs that are watched with a finite range."""
         kinds = self._watched.kind(a, b)
         wanted = (kinds >= 0) & np.isfinite(self._watched.ranges[kinds])
         return self._key(a[wanted], b[wanted])
 
     def _some_of(self, silent: np.ndarray) -> np.ndarray:
-        """The keys of the pairs of silent bodies that are listed; ignored ones take no place."""
+        """Return the keys of the listed pairs of silent bodies; ignored pairs take no place."""
         if not self._watched.ruled_finite:
             keys = self._key(*self._watched.finite_exceptions_of(silent))
             return np.setdiff1d(keys, self._ignored)[:LISTED_SILENT]
         others, found, count = np.arange(len(silent)), [np.empty(0, np.int64)], 0
         for body in np.flatnonzero(silent):
-            others = others[others != body]  # so that no pair is met twice
+            others = others[others != body]  # so that no pair is found twice
             keys = self._of_finite_range(np.minimum(body, others), np.maximum(body, others))
             found.append(np.setdiff1d(keys, self._ignored))
             count += len(found[-1])
@@ -313,7 +320,7 @@ class NearPairs:
         return np.sort(np.concatenate(found))[:LISTED_SILENT]
 
     def _replace(self, keys: np.ndarray) -> Change:
-        """Give rows to exactly these pairs of finite range."""
+        """Give rows to exactly these pairs of finite range; return the change."""
         old, rows = self._finite
         if np.array_equal(keys, old):
             return NO_CHANGE
@@ -329,7 +336,7 @@ class NearPairs:
         return gone._replace(come_rows=kept[new])
 
     def _sort(self) -> None:
-        """Join both kinds in the scene's order, which is that of the keys."""
+        """Join the pairs of infinite and finite range in the scene's order, the order of keys."""
         keys, rows = np.concatenate((self._infinite, self._finite), axis=1)
         order = np.argsort(keys, kind="stable")
         self.rows = rows[order]

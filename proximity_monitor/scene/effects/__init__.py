@@ -1,8 +1,9 @@
 """The `motion` section: settings of its effects, checked against the bodies and converted to SI.
 
-One module an effect, each with ``read(data, keys, bodies, unit, report, folder)``: `data` obeys the
-schema, `keys` is where it stands in the file, `folder` is the scene file's. It claims every body
-that it drives by ``bodies.drive(name, keys)`` and returns the settings; problems go to the report.
+Each effect is a module with ``read(data, keys, bodies, unit, report, folder)``: `data` obeys the
+schema, `keys` is its place in the file, `folder` is the scene file's folder. `read` claims every
+body that the effect drives by ``bodies.drive(name, keys)``, and returns the settings. Problems go
+to the report.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ _EFFECTS: dict[str, Reader] = {
     "dynamics": dynamics.read,
     "deform": deform.read,
 }
-"""By the key that the schema allows in the section."""
+"""The readers by key of the section, as the schema allows it."""
 
 
 def read_motion(
@@ -39,7 +40,7 @@ def read_motion(
 ) -> Mapping[str, Mapping[str, Any]]:
     """Return ``{effect: settings}`` in metres, radians and seconds, read-only, in the file's order.
 
-    Problems go to the report; the settings must not be used then.
+    Problems go to the report; if there are any, the settings must not be used.
     """
     cast = Cast(bodies, report, robots)
     return MappingProxyType(

@@ -18,7 +18,7 @@ def read(
 ) -> dict[str, Any]:
     """Return the arguments of `motion.Bag` except the frame.
 
-    In `topics` a name stands for a topic of PoseStamped, a tuple of them for one of PoseArray.
+    `topics` gives by topic a body's name for PoseStamped, or a tuple of names for PoseArray.
     """
     path = None
     try:

@@ -28,9 +28,9 @@ class Cast:
         return self._known.get(name)
 
     def drive(self, name: str, keys: Keys, *, or_root: bool = False) -> None:
-        """Claim a body for the value at `keys`, or with `or_root` a robot, whose root moves it.
+        """Claim a body, or with `or_root` a robot's root, for the effect's value at `keys`.
 
-        If it does not exist, is fixed, or is already driven, the report says so.
+        If it does not exist, is fixed or is already driven, that goes to the report.
         """
         if or_root and name in self._robots:
             problem = None
@@ -54,7 +54,7 @@ class Cast:
 
 
 def _problem(body: Body) -> str | None:
-    """Why no effect can drive a body."""
+    """Return why no effect can drive a body; None if one can."""
     if not body.moving:
         return "is fixed; give it 'moving: true' in place of its pose"
     if body.topic is None:

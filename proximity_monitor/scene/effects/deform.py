@@ -20,16 +20,16 @@ _ACROSS = ("bend", "wave")
 """Fields that also have a direction across the axis."""
 
 _MOST_STRETCH = 10.0
-"""Greatest logarithm of a factor: more than twenty thousand fold is no use, and may overflow."""
+"""Largest logarithm of a factor: a factor above twenty thousand is useless, and may overflow."""
 
 _PERPENDICULAR = 1e-3
-"""Directions are written with few digits: what is this near to perpendicular is made so."""
+"""Largest cosine between two directions that are made perpendicular: files give few digits."""
 
 
 def read(
     data: Mapping[str, Any], keys: Keys, bodies: Cast, unit: Unit, report: Report, folder: Path
 ) -> dict[str, Any]:
-    """Return by name of the body, under `bodies`, the arguments of `motion.Field`."""
+    """Return, under the key `bodies`, the arguments of `motion.Field` by name of the body."""
     fields = {}
     for name, body in data["bodies"].items():
         at = (*keys, "bodies", name)
@@ -95,7 +95,7 @@ def _field(
 
 
 def _paths(names: Sequence[str], keys: Keys, report: Report, folder: Path) -> tuple[Path, ...]:
-    """The model files that a body becomes; problems go to the report."""
+    """Return the model files whose shapes a body takes; problems go to the report."""
     found = []
     for index, name in enumerate(names):
         try:

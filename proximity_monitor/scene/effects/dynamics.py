@@ -18,16 +18,16 @@ from proximity_monitor.scene.report import Keys, Report
 _SUBSTEP_MS = 2.5
 _NEEDS_CONTACTS = ("friction", "restitution")
 _MARGIN = 0.0002
-"""Metres: the gap that is kept unless the scene gives another."""
+"""Metres: the gap that contacts keep unless the scene gives another."""
 
 
 def read(
     data: Mapping[str, Any], keys: Keys, bodies: Cast, unit: Unit, report: Report, folder: Path
 ) -> dict[str, Any]:
-    """Return the settings of `motion.dynamics`; None for those that the section does not give.
+    """Return the settings of `motion.dynamics`; None for settings that the section does not give.
 
-    By name of the body, `bodies` has `density` in kg/m³, `pose` (4, 4), `velocity` (3,) in m/s and
-    `spin` (3,) in rad/s; `obstacles` are names of fixed bodies.
+    `bodies` gives, by name of the body, `density` in kg/m³, `pose` (4, 4), `velocity` (3,) in m/s
+    and `spin` (3,) in rad/s. `obstacles` are names of fixed bodies.
     """
     moved = {}
     for name, body in data["bodies"].items():

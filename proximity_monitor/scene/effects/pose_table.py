@@ -1,4 +1,4 @@
-"""Poses from a CSV file: one row a pose, found by the names of the columns."""
+"""Reads poses from a CSV file: one pose per row, columns found by their names."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from proximity_monitor.scene.schema import bounds
 
 COLUMNS = ("t", "x", "y", "z", "qx", "qy", "qz", "qw")
 
-# Eight minutes at 1 kHz: they are read in three seconds, and making their path takes 0.3 GB.
+# Eight minutes at 1 kHz: reading them takes three seconds, and making their path 0.3 GB.
 _MAX_ROWS = 500_000
-# Lines of eight numbers are shorter; without a limit a file without line ends is read whole.
+# Lines of eight numbers are shorter; without a limit, a file without line ends would be read whole.
 _MAX_LINE = 4096
-# Seconds, eleven days: larger times are stamps of a clock.
+# Seconds, eleven days: a larger time must be a clock's stamp.
 _, _LATEST = bounds("time")
 _, _FURTHEST = bounds("coordinate")
 
@@ -32,14 +32,14 @@ def read_poses(path: Path, unit: Unit) -> tuple[np.ndarray, np.ndarray, np.ndarr
 
     Args:
         path: the file.
-        unit: its lengths'.
+        unit: the unit of its lengths.
 
     Returns:
         Times (n,) in seconds, increasing; positions (n, 3) in metres; quaternions (n, 4)
         x, y, z, w of length 1.
 
     Raises:
-        SceneError: it cannot be read; the message begins with the file and the line.
+        SceneError: the table cannot be read; the message begins with the file and the line.
     """
     numbers = array("d")
     reader = None
@@ -66,7 +66,7 @@ def read_poses(path: Path, unit: Unit) -> tuple[np.ndarray, np.ndarray, np.ndarr
 
 
 def _lines(file: TextIO) -> Iterator[str]:
-    """The lines of a file, none of which is read whole if it is too long."""
+    """Yield the lines of a file; raise ValueError at a line that is too long, before its end."""
     while line := file.readline(_MAX_LINE + 1):
         if len(line) > _MAX_LINE:
             raise ValueError(f"a line has more than {_MAX_LINE} characters")
@@ -90,7 +90,7 @@ def _places(header: list[str]) -> list[int]:
 def _numbers(
     row: list[str], places: list[int], width: int, before: array, unit: Unit
 ) -> list[float]:
-    """The numbers of one row, in the order of COLUMNS; `before` holds those of earlier rows."""
+    """Return the numbers of one row, in the order of COLUMNS; `before` holds the earlier rows."""
     if len(before) == _MAX_ROWS * len(COLUMNS):
         raise ValueError(f"more than {_MAX_ROWS} poses")
     if len(row) != width:

@@ -1,4 +1,4 @@
-"""`script`: key poses with times, hinges, slides and tables of poses; keys of robots' joints."""
+"""`script`: bodies by timed key poses, hinges, slides or pose tables; robots' joints by keys."""
 
 from __future__ import annotations
 
@@ -24,11 +24,10 @@ _HINGE, _SLIDE = "angles_deg", "offsets"
 def read(
     data: Mapping[str, Any], keys: Keys, bodies: Cast, unit: Unit, report: Report, folder: Path
 ) -> dict[str, Any]:
-    """Return `loop`, and by name the `bodies` and `joints`, as `motion.Script` takes them.
+    """Return `loop`, and `bodies` and `joints` by name, as `motion.Script` takes them.
 
     A body has `times` (n,) and either `positions` (n, 3) and `quaternions` (n, 4), or `values`
-    (n,) of its `hinge` or `slide`; a joint has `times`, `values` and their `kind`, which is the
-    key in the file.
+    (n,) of its `hinge` or `slide`. A joint has `times`, `values` and `kind`, the key in the file.
     """
     if not data.keys() & {"bodies", "joints"}:
         report.add(keys, "needs the key 'bodies' or the key 'joints'")
@@ -97,7 +96,7 @@ def _table(text: str, keys: Keys, unit: Unit, report: Report, folder: Path) -> d
 def _values(
     joint: Mapping[str, Any], keys: Keys, unit: Unit, report: Report
 ) -> dict[str, np.ndarray]:
-    """Times and values of a joint's keys, in radians or metres."""
+    """Return times (seconds) and values (radians or metres) of a joint's keys."""
     kind = _HINGE if _HINGE in joint else _SLIDE
     entries = joint[kind]
     places = [(*keys, kind, i) for i in range(len(entries))]
@@ -119,7 +118,7 @@ def _times(times: Sequence[float], places: Sequence[Keys], report: Report) -> np
 
 
 def _quaternion(pose: Mapping[str, Any], keys: Keys, report: Report) -> list[float]:
-    """The orientation x, y, z, w, exactly of length 1, from either of its spellings."""
+    """Return an orientation x, y, z, w of length exactly 1, from a `rotation` or `quaternion`."""
     if "rotation" in pose:
         turn = pose["rotation"]
         axis = direction(turn, (*keys, "rotation"), "axis", report)

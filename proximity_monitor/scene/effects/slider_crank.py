@@ -1,4 +1,4 @@
-"""`slider_crank`: a crank that turns at constant speed, and pistons that follow it."""
+"""`slider_crank`: a crank that turns at constant speed, and the pistons that it moves."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from proximity_monitor.scene.effects.cast import Cast
 from proximity_monitor.scene.effects.values import direction, frozen, metres
 from proximity_monitor.scene.report import Keys, Report
 
-# Directions are written with few digits: what is this near to perpendicular is meant to be so, and
-# is made so.
+# Largest cosine between two directions that are meant to be perpendicular and are made so: files
+# give few digits.
 _PERPENDICULAR = 1e-3
-# An offset that leaves the axis would change the stroke. Relative to the crank's radius, this much
+# An offset away from the axis would change the stroke. At most this fraction of the crank's radius
 # is rounding.
 _ALONG = 1e-6
 

@@ -12,7 +12,7 @@ from proximity_monitor.scene.report import Keys, Report
 
 
 def direction(data: Mapping[str, Any], keys: Keys, key: str, report: Report) -> np.ndarray:
-    """A unit vector; zeros, and a problem in the report, if there is none."""
+    """Return a unit vector; zeros, with a problem in the report, if the length is 0."""
     vector = np.array(data[key], dtype=np.float64)
     largest = np.abs(vector).max()
     if not largest > 0.0:
@@ -23,11 +23,11 @@ def direction(data: Mapping[str, Any], keys: Keys, key: str, report: Report) -> 
 
 
 def metres(lengths: Any, unit: Unit) -> np.ndarray:
-    """Lengths of the file, read-only."""
+    """Return the file's lengths in metres, read-only."""
     return frozen(unit.to_metre * np.array(lengths, dtype=np.float64))
 
 
 def frozen(array: np.ndarray) -> np.ndarray:
-    """The same array, read-only from now on."""
+    """Make an array read-only and return it."""
     array.setflags(write=False)
     return array
