@@ -1,39 +1,42 @@
 """Certified bounds of pairs of bodies that have moved since they were last searched.
 
-A search answers for the poses that it was given. When the bodies move on, that answer still bounds
-the distance: it shrinks by at most the motion of B relative to A, and the two closest points,
-carried along by their bodies, are still points of the models.
+A search answers for the poses that it was given. When the bodies move on, its answer still bounds
+the distance: the distance changes by at most the motion of B relative to A, and the two closest
+points, carried along by their bodies, are still points of the models.
 
 A point of B at y in B's frame moves relative to A by at most ``|T1 c - T0 c| + 2 sin(angle / 2)
 |y - c|``, where T0 and T1 are the relative poses, c is the centre of B's ball and the angle is that
 of the rotation between them. ``2 sin(angle / 2)`` is the Frobenius norm of R1 - R0 over sqrt 2,
-which unlike an arc cosine loses no digits for small angles. The same holds with A and B exchanged;
-the smaller of the two counts: call it m. A body whose vertices were moved by up to e changes every
+which unlike an arc cosine loses no digits for small angles. The same holds with A and B exchanged.
+Let m be the smaller of the two bounds. A body whose vertices were moved by up to e changes every
 distance by at most e more. The balls give a second lower bound that needs no earlier answer.
 
-The *signed* distance of a solid changes by no more than m either, in both directions. *Two solids*
-that overlap hold a ball of radius d / 2 around some x. B is moved by g, and x lies in B's ball, so
-|g x - x| <= m. The midpoint of x and g x is m / 2 from x, where A's depth is; and its image under
-g⁻¹ is m / 2 from x as well, where B's was: both depths are d / 2 - m / 2 or more, and a ball of
-diameter d - m is left. Solids that were apart by d and overlap by D hold then a ball whose points
-all were moved by d + D or more, as seen from A, so D <= m - d; and likewise back. *A solid and a
-surface*: a point of the surface is moved no farther than m, seen from the solid, and the depth of
-the deepest one changes by no more. A body whose vertices were moved by up to e besides changes
-depths by e, hence a ball's diameter by 2 e.
+The *signed* distance of a solid changes by at most m as well, in both directions. *Two solids* that
+overlap by d both hold a ball of diameter d around some x. B is moved by g, and x lies in B's ball,
+so |g x - x| <= m. The midpoint of x and g x is at most m / 2 from x, where A's depth is d / 2. Its
+image under g⁻¹ is at most m / 2 from x as well, where B's depth was d / 2. Both depths are at least
+d / 2 - m / 2, so both solids hold a ball of diameter d - m. If solids that were apart by d now
+overlap by D, they hold a ball whose points all were moved by at least d + D as seen from A, so
+D <= m - d; and likewise back. *A solid and a surface*: a point of the surface moves by at most m
+relative to the solid, so the depth of the deepest point changes by at most m. If vertices of a body
+were moved by up to e as well, depths change by e more, and so the diameter of a ball by 2 e.
 
-Where the balls around two bodies overlap by p, no more than p is in both: a point is no deeper than
-it lies below the surface of either ball, which is p together; and the distance of two points of the
-surfaces is never less than the signed distance. Of a solid with holes the signed distance jumps, as
-what passes a hole is at once as deep as it is far from the faces: nothing is kept of it but the
-points, and that their balls do not meet, or that nothing in a ball is deeper than its diameter.
+If the balls around two bodies overlap by p, the bodies overlap by at most p: the depths of a point
+below the surfaces of both balls add up to at most p. The distance of two points of the surfaces is
+never less than the signed distance. For a solid with holes in its surface, the signed distance
+jumps: a body that passes a hole is at once as deep as it is far from the faces. So the bounds of
+its earlier answer are dropped. The upper bound is then the distance of the points. The lower bound
+is the distance of the balls; if these meet, it is minus the largest possible overlap, because
+nothing inside a ball is deeper than the ball's diameter.
 
-Where balls sweep the models, all of this is about their cores, and every bound of a distance one of
-the cores' less both radii, widened by both deviations: a sphere that spins does not move. What is
-below zero is about the swept models, whose points lie farther out: it uses the motion of those. At
-two core points p and q the models hold balls of both radii, so the signed distance is at most |q -
-p| less the radii, but for a ball that lies wholly inside: two solids hold its diameter then, and of
-a surface a point is as deep as the solid's radius, so that minus the smaller radius holds for both.
-As depth is twice what points have, a deviation counts twice there.
+If balls sweep the models, all of this is about the cores. A bound of a distance is the bound of the
+cores less both radii, widened by both deviations; so spinning a sphere does not widen it. A bound
+below zero is about the swept models, whose points lie farther out, so it uses their motion. At the
+core points p and q the models hold balls of both radii, so the signed distance is at most |q - p|
+less the radii, unless one ball lies wholly inside the other model. Then two solids both hold the
+smaller ball, and a point of a surface is as deep as the solid's radius; so minus the smaller radius
+is an upper bound in both cases. An overlap is twice the depth of a point, so a deviation counts
+twice there.
 """
 
 from __future__ import annotations
@@ -49,22 +52,24 @@ from ..base.vectors import add, dot, norm, sub
 
 ROUNDING = 128.0 * 2.0 * DOUBLE_EPS
 NON_RIGID = 16.0
-"""Rounding allowance of a bound: (ROUNDING + NON_RIGID d) s, where d is how far the rotation
-matrices are from orthogonal (Frobenius norm of RᵀR - I), and s adds up, for both bodies, the
-distance of the origin from the model's frame and the reach of the model from that frame's origin.
-Worst case, with u = 2^-53 and both moments counted: the relative pose and the image of a centre
-under it 32 u + 4 d, their difference and norm 8 u, the rotation's difference 33 u + 5 d, replacing
-both matrices by exact rotations 2 d, the subtractions 4 u; and measuring d is itself wrong by up to
-9 u. Together 88 · 2 u + 11 d, which includes reserve: both constants are above it. The upper
-bound's chain (a witness point to its body's frame and back to the world) is shorter. Smaller ones
-could certify a bound that is wrong by rounding; larger ones only blur it.
+"""Rounding allowance of a bound: (ROUNDING + NON_RIGID d) s.
+
+d is how far the rotation matrices are from orthogonal (Frobenius norm of RᵀR - I). s is the sum
+over both bodies of the distance from the world's origin to the model's frame and the reach of the
+model from that frame's origin. Worst case, with u = 2^-53 and both times (search and now) counted:
+the relative pose and the image of a centre under it 32 u + 4 d, their difference and norm 8 u, the
+rotation's difference 33 u + 5 d, replacing both matrices by exact rotations 2 d, the subtractions
+4 u; and measuring d itself errs by up to 9 u. Together 88 · 2 u + 11 d, which includes reserve;
+both constants are above it. The upper bound's chain (a witness point to its body's frame and back
+to the world) is shorter. Smaller constants could certify a bound that is wrong by rounding. Larger
+ones only widen the bounds.
 """
 
 BALL = np.dtype(
     [
         ("centre", np.float64, (3,)),  # in the model's frame
-        ("core", np.float64),  # the radius that holds the core
-        ("swept", np.float64),  # the one that sweeps it
+        ("core", np.float64),  # radius of the ball around the core
+        ("swept", np.float64),  # radius of the ball that sweeps the core
         ("deviation", np.float64),
     ],
     align=True,
@@ -76,40 +81,40 @@ PLACE = np.dtype(
         ("centre", np.float64, (3,)),  # of its ball, in the world
         ("size", np.float64),  # its share of s
         ("defect", np.float64),  # d
-        ("stretch", np.float64),  # metres by which its points have been moved so far, each time the
-        # largest displacement, added rounding up
+        ("stretch", np.float64),  # how far its points were moved by deformation so far, metres: the
+        # sum, rounded up, of each deformation's largest displacement
     ],
     align=True,
 )
-"""Where a body is."""
+"""Where a body is; s and d are as for ROUNDING."""
 
 ANSWER = np.dtype(
     [
         ("bodies", np.int64, (2,)),
-        ("seen", np.int64, (2,)),  # their versions then
-        ("kind", np.int64),  # one of the following
+        ("seen", np.int64, (2,)),  # their versions at that time
+        ("kind", np.int64),  # UNSIGNED, CONTINUOUS or JUMPING
         ("lower", np.float64),  # metres
         ("upper", np.float64),
         ("points", np.float64, (2, 3)),  # the cores' nearest points in the world
         ("features", np.float64, (2, 4)),  # where they lie on their models: see `Model.feature`
         ("witness", np.float64, (2, 3)),  # the points in their bodies' frames
-        ("rotation", np.float64, (3, 3)),  # of B in A's frame, then
+        ("rotation", np.float64, (3, 3)),  # of B in A's frame, at that time
         ("translation", np.float64, (3,)),
-        ("size", np.float64),  # s then
-        ("defect", np.float64),  # d then
-        ("stretch", np.float64, (2,)),  # of both bodies then
+        ("size", np.float64),  # s at that time
+        ("defect", np.float64),  # d at that time
+        ("stretch", np.float64, (2,)),  # of both bodies at that time
     ],
     align=True,
 )
 """What was known of a pair when it was last searched."""
 
 UNSIGNED, CONTINUOUS, JUMPING = 0, 1, 2
-"""Kinds of distances: of two surfaces; signed, of a solid; or signed, of a solid with holes, which
-jumps where a body passes a hole."""
+"""Kinds of distances: between two surfaces; signed, with a solid; or signed, with a solid whose
+surface has holes, which jumps when a body passes a hole."""
 
 MOVED, STILL, SAME = 0, 1, 2
-"""How the bodies of a pair moved relative to each other since its answer: more than rounding, not
-more, not at all."""
+"""How the bodies of a pair moved relative to each other since its answer: by more than the rounding
+allowance, by no more than that, or not at all."""
 
 
 @kernel
@@ -124,7 +129,7 @@ def _column(pose, j):
 
 @kernel
 def _image(pose, point):
-    """A point of the body in the world."""
+    """Return a point of the body in the world frame."""
     return (
         dot(_row(pose, 0), point) + pose[0, 3],
         dot(_row(pose, 1), point) + pose[1, 3],
@@ -134,7 +139,7 @@ def _image(pose, point):
 
 @kernel
 def _into(pose, vector):
-    """A direction of the world in the body's frame."""
+    """Return a vector of the world frame in the body's frame."""
     return (
         dot(_column(pose, 0), vector),
         dot(_column(pose, 1), vector),
@@ -144,7 +149,7 @@ def _into(pose, vector):
 
 @kernel
 def vector(v):
-    """Three numbers of an array (3,)."""
+    """Return an array (3,) as a tuple."""
     return (v[0], v[1], v[2])
 
 
@@ -165,7 +170,7 @@ def _place(pose, ball, place):
 
 @kernel
 def _differ(pose, other):
-    """Whether two poses are not the same numbers."""
+    """Return whether two poses differ in any number."""
     for i in range(4):
         for j in range(4):
             if pose[i, j] != other[i, j]:
@@ -175,11 +180,11 @@ def _differ(pose, other):
 
 @entry
 def place(bodies, given, anew, balls, poses, versions, places):
-    """Put bodies (m,) at poses `given` (m, 4, 4) and return how many so got another place.
+    """Put bodies (m,) at poses `given` (m, 4, 4) and return how many changed their place.
 
-    Or return -1 - i where given[i] is no rigid motion, with nothing written. Where `anew`, all of
-    them count as moved, because their balls (n,), BALL, are others. Writes poses (n, 4, 4),
-    versions (n,) and places (n,), PLACE.
+    If given[i] is no rigid motion, write nothing and return -1 - i. If `anew`, all the bodies count
+    as moved, because their balls (n,), BALL, have changed. Writes poses (n, 4, 4), versions (n,)
+    and places (n,), PLACE.
     """
     for i in range(len(bodies)):
         if not is_rigid(deviation(given[i])):
@@ -199,7 +204,10 @@ def place(bodies, given, anew, balls, poses, versions, places):
 
 @kernel
 def _carried(pose_a, pose_b, ball_a, ball_b, place_a, place_b, answer, points):
-    """Bounds and points of a pair at the present poses, from its answer at earlier ones."""
+    """Return bounds and motion of a pair at the present poses, from its answer at earlier ones.
+
+    The motion is MOVED or STILL. Writes the points (2, 3).
+    """
     slack = (ROUNDING + NON_RIGID * max(place_a.defect, place_b.defect, answer.defect)) * max(
         place_a.size + place_b.size, answer.size
     )
@@ -211,7 +219,7 @@ def _carried(pose_a, pose_b, ball_a, ball_b, place_a, place_b, answer, points):
     shift = _into(pose_a, sub(_column(pose_b, 3), _column(pose_a, 3)))
     before = vector(answer.translation)
     turn = 0.0
-    image_b, old_b = shift, before  # of B's centre in A's frame
+    image_b, old_b = shift, before  # B's centre in A's frame, now and before
     origin_a, old_a = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)  # A's centre in B's frame
     back, old_back = sub(centre_a, shift), sub(centre_a, before)
     for j in range(3):
@@ -236,12 +244,12 @@ def _carried(pose_a, pose_b, ball_a, ball_b, place_a, place_b, answer, points):
     then_lower, then_upper = answer.lower, answer.upper
     if signed == JUMPING:
         then_lower, then_upper = -math.inf, math.inf
-        if apart < 0.0:  # no two points of a ball are farther apart, and a diameter is two depths
+        if apart < 0.0:  # no depth exceeds a ball's diameter, and an overlap is two depths
             apart = -4.0 * max(radius_a, radius_b) - 2.0 * (outer_a + outer_b)
     lower = then_lower - moved
     if signed and not lower > 0.0:
         lower = then_lower - moved_outer - stretched
-    # Coordinates too large to be squared give inf or NaN: then nothing is known.
+    # Coordinates too large to be squared give inf or NaN. Then nothing is known.
     if not lower >= apart:
         lower = apart
     lower -= slack
@@ -270,16 +278,17 @@ def _carried(pose_a, pose_b, ball_a, ball_b, place_a, place_b, answer, points):
 
 @kernel
 def _with(vector, j, value):
-    """The vector with another component j."""
+    """Return the vector with component j replaced."""
     x, y, z = vector
     return (value if j == 0 else x, value if j == 1 else y, value if j == 2 else z)
 
 
 @kernel
 def carry_one(poses, versions, balls, places, answer, points):
-    """Bounds of one answer at the present poses, and how its bodies moved; writes points (2, 3).
+    """Return bounds of one answer at the present poses, and its motion; write points (2, 3).
 
-    A pair whose bodies stand still bit by bit keeps the very numbers of its answer.
+    The motion is MOVED, STILL or SAME. If both poses are bit for bit as before, the bounds and
+    points are exactly those of the answer.
     """
     a, b = answer.bodies[0], answer.bodies[1]
     if versions[a] == answer.seen[0] and versions[b] == answer.seen[1]:
@@ -292,10 +301,10 @@ def carry_one(poses, versions, balls, places, answer, points):
 
 @entry
 def carry(poses, versions, balls, places, rows, answers, bounds, points, motions):
-    """Bounds (k, 2), the cores' points (k, 2, 3) in the world and motions (k,) of answers `rows`.
+    """Write bounds (k, 2), the cores' points (k, 2, 3) in the world and motions (k,) of answers.
 
-    poses (n, 4, 4), versions (n,), balls (n,), BALL, and places (n,), PLACE, are of the bodies;
-    answers (m,), ANSWER, are the table.
+    `rows` (k,) selects them from answers (m,), ANSWER. poses (n, 4, 4), versions (n,), balls (n,),
+    BALL, and places (n,), PLACE, are those of the bodies.
     """
     for k in range(len(rows)):
         bounds[k, 0], bounds[k, 1], motions[k] = carry_one(
@@ -305,7 +314,7 @@ def carry(poses, versions, balls, places, rows, answers, bounds, points, motions
 
 @kernel
 def was_deformed(places, answer):
-    """Whether a body of a pair has been deformed since its answer."""
+    """Return whether a body of a pair has been deformed since its answer."""
     stretch_a, stretch_b = places[answer.bodies[0]].stretch, places[answer.bodies[1]].stretch
     return stretch_a != answer.stretch[0] or stretch_b != answer.stretch[1]
 
@@ -314,9 +323,10 @@ def was_deformed(places, answer):
 def keep_one(poses, versions, places, answer, lower, upper, points, features, others):
     """Write an answer: what is known at the bodies' present poses.
 
-    The points (2, 3) must be of the models as they are now: `carry_one` counts on it. Where they
-    are no `others` than those of the answer, these stay what they are in their bodies' frames, with
-    what rounding did to them then: turned there and back each time, they would drift.
+    The points (2, 3) must be points of the models as they are now; `carry_one` relies on it.
+    `others` says that they are not the points that the answer already holds. If they are, the
+    witness points in the bodies' frames stay, with the rounding allowance of that time: converting
+    them to the world and back each time would make them drift.
     """
     a, b = answer.bodies[0], answer.bodies[1]
     place_a, place_b = places[a], places[b]

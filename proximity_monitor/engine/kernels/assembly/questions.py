@@ -1,7 +1,7 @@
-"""What an assembly's call does besides its searches, row by row of its pairs.
+"""What a call of an assembly does before and after its searches, row by row of its pairs.
 
-Each of these takes a dozen calls of numpy otherwise. After a pause, when the processor's caches
-hold other programs, those took longer than a short budget lasts.
+In numpy, each of these functions would be a dozen calls. After a pause, when the processor's caches
+hold other programs, these calls took longer than a short budget.
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ from ..base.memory import addresses, records_at
 from ..base.state import LOWER, QUERY, STATUS, UNKNOWN, UPPER
 
 QUERY_NUMBERS = QUERY.itemsize // 8
-"""A QUERY in numbers of eight bytes: Python takes longer to hand over records."""
+"""Size of a QUERY in numbers of eight bytes: passing records from Python would take longer."""
 
 
 @entry
 def take_pairs(given, solid, pairs, signed):
-    """Write pairs (k, 2) as int32, and which of them (k,) are of a body that is `solid` (n,).
+    """Write pairs (k, 2) as int32, and `signed` (k,): which pairs have a body that is `solid` (n,).
 
-    Returns the first pair that names none of these bodies, or k.
+    Returns the index of the first pair with an index that is no body, or k.
     """
     for k in range(len(given)):
         a, b = given[k, 0], given[k, 1]
@@ -33,15 +33,15 @@ def take_pairs(given, solid, pairs, signed):
 
 @entry
 def begin_questions(pairs, wanted, hints, signed, queries, answers):
-    """Write the queries about pairs (k, 2) of bodies, and their answers before any search.
+    """Write the queries about pairs of bodies, and their answers as they are before any search.
 
     Args:
         pairs: (k, 2) int32.
         wanted: (k, 3) rel_err, abs_err and clearance.
-        hints: (k, 2) elements to begin with, in tree order, where they are not negative; or (0, 2).
+        hints: (k, 2) elements to start with, in tree order, used if not negative; or (0, 2).
         signed: (k,) whether the signed distance is asked for, whose lower bound may be negative.
-        queries: (2 + k QUERY_NUMBERS,) int64, written: the table (2, 1) of the queries, and then
-            these as (k,) QUERY. So whoever keeps the table keeps them.
+        queries: (2 + k QUERY_NUMBERS,) int64, written: first the table (1, 2) of the queries, then
+            the queries as (k,) QUERY. So the table keeps them alive.
         answers: (k, ANSWER) written.
 
     Returns how many of the pairs are `signed`.
@@ -71,10 +71,11 @@ def begin_questions(pairs, wanted, hints, signed, queries, answers):
 
 @entry
 def signs_open(answers, wanted, found):
-    """Write which answers (k, ANSWER) leave open whether bodies overlap, and a clearance, too.
+    """Write into `found` which answers (k, ANSWER) leave open whether the bodies overlap.
 
-    `wanted` (k, 3) is as `begin_questions` takes it. As many are looked at as there is room for in
-    `found`; returns how many of these do.
+    These are the searched answers whose lower bound is -inf, unless the upper bound is within a
+    finite clearance in `wanted` (k, 3), which is as for `begin_questions`. Looks at the first
+    len(found) answers, and returns how many of these are open.
     """
     count = 0
     for k in range(len(found)):

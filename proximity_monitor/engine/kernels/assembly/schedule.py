@@ -1,9 +1,12 @@
 """Queries about many pairs of bodies: which are open, and what to ask next.
 
-While a pair may be within its range it is asked for its distance, to a tolerance, or only on which
-side of some levels it is. What is certain of it already (carry.py) may answer that without a
-search. Each step does all pairs in one call: for a single pair a step with arrays would cost
-microseconds, as much as its search.
+While a pair may be within its range, it is asked for its distance to a tolerance, or only for the
+side of some levels on which the distance is (the pair is then to be decided). The bounds carried
+from an earlier search (carry.py) may answer this without a search. Each function handles all pairs
+in one call: with numpy, each step would cost microseconds even for a single pair, as much as its
+search.
+
+A tick is one round of `update`, searches and `report`. A view is a pair at one tick.
 """
 
 from __future__ import annotations
@@ -24,16 +27,16 @@ RECORD = np.dtype(
         ("rel_err", np.float64),
         ("abs_err", np.float64),
         ("searched_s", np.float64),  # when it was last searched
-        ("min_upper", np.float64),  # the smallest bounds of all moments
+        ("min_upper", np.float64),  # the smallest bounds of all ticks
         ("min_lower", np.float64),
-        ("widened", np.float64),  # metres by which motion had widened the bounds, the last moment
-        ("hint", np.int32, (2,)),  # nearest triangles, as a search knows them
+        ("widened", np.float64),  # how far motion had widened the bounds at the last tick, metres
+        ("hint", np.int32, (2,)),  # nearest triangles, in tree order, for a search to start with
         ("status", np.int8),  # of the last search: why it stopped
         ("deciding", np.bool_),  # only the side of the levels is asked for
         ("ignored", np.bool_),  # nothing is asked
-        ("done", np.bool_),  # the last search answered all that can be asked
+        ("done", np.bool_),  # the last search answered everything that can be asked
         ("hard", np.bool_),  # the last search ran out of time
-        ("met", np.bool_),  # it left open, or found, that the models overlap
+        ("met", np.bool_),  # the last search found, or left open, that the models may overlap
     ],
     align=True,
 )
@@ -45,20 +48,20 @@ VIEW = np.dtype(
         ("upper", np.float64),
         ("points", np.float64, (2, 3)),  # as in an ANSWER
         ("features", np.float64, (2, 4)),
-        ("blur", np.float64),  # metres: how far the bodies moved since the last moment
-        ("asked", np.float64),  # the level of the last search of this moment; NaN: there was none
+        ("blur", np.float64),  # metres: how far the bodies moved since the last tick
+        ("asked", np.float64),  # the level of the last search of this tick; NaN: there was none
         ("known", np.bool_),  # both poses are known
         ("stale", np.bool_),  # a pose is not known, or too old
         ("deciding", np.bool_),
-        ("answered", np.bool_),  # nothing can be added to what the last search found
+        ("answered", np.bool_),  # another search can add nothing to what the last one found
         ("urgent", np.bool_),  # the side of a level is open
         ("tolerated", np.bool_),  # the bounds satisfy the tolerance
-        ("wanting", np.bool_),  # worth a search
-        ("searched", np.bool_),  # at this moment
+        ("wanting", np.bool_),  # the pair is worth a search
+        ("searched", np.bool_),  # it was searched at this tick
     ],
     align=True,
 )
-"""A pair at one moment; searches improve it."""
+"""A pair at one tick; searches improve it."""
 
 LISTED = np.dtype(
     [
@@ -72,39 +75,39 @@ LISTED = np.dtype(
         ("age_s", np.float64),
         ("min_upper", np.float64),
         ("min_lower", np.float64),
-        ("silent", np.int8, (2,)),  # 1 where it is; a record holds no arrays of bool
+        ("silent", np.int8, (2,)),  # 1 if the body is silent; a record cannot hold arrays of bool
         ("status", np.int8),
     ],
     align=True,
 )
-"""What is known of a listed pair at the end."""
+"""What is known of a listed pair at the end of a tick."""
 
 OVERLAPPING, UNKNOWN = 4, 5
-"""Two more states of a listed pair, besides the reasons why a search stopped. There OUT_OF_TIME
-stands for all bounds that are wider than was asked for."""
+"""Two more statuses of a listed pair, in addition to the reasons why a search stopped. For a listed
+pair, OUT_OF_TIME means that the bounds are wider than was asked for, for whatever reason."""
 
 TOGETHER, ALONE, INSIDE = 0, 1, 2
-"""How to search a pair: in one call with others; alone, because it takes long; or alone because a
-solid may overlap the other, and the search has to find how deep."""
+"""How to search a pair: in one call with others; alone, because it takes long; or alone, because a
+solid may overlap the other body and the search has to find how deep."""
 
 
 DEPTH_ERR = 0.01
-"""Share of its depth to which an overlap is told, as `engine.signed_distance` does by default."""
+"""Relative error with which a depth is reported, the default of `engine.signed_distance`."""
 
 
 @kernel
 def _is_close(view):
-    """Whether the bounds of a depth are as close as DEPTH_ERR says."""
+    """Return whether the bounds of a depth are as close as DEPTH_ERR demands."""
     return view.upper < 0.0 and -view.lower <= -view.upper * (1.0 + DEPTH_ERR)
 
 
 @kernel
 def _judge(record, view):
-    """What a view's bounds say about its record.
+    """Set the flags of a view that follow from its bounds and its record.
 
-    A pair that is certainly at a level is asked for its distance then, also where all pairs are
-    only to be decided: an estimate of the time that is left, made from bounds that just decide,
-    would depend on whether anybody else wanted the distance.
+    A pair that is certainly within a level is asked for its distance, even if all pairs are only to
+    be decided. Otherwise an estimate of the time until the next threshold is reached, made from
+    bounds that just decide, would depend on whether anyone else wanted the distance.
     """
     lower, upper = view.lower, view.upper
     urgent = near = False
@@ -131,7 +134,10 @@ def _judge(record, view):
 
 @kernel
 def _blur(record, answer, widened, motion):
-    """How far bodies moved since the last moment, metres, where by now an answer is `widened`."""
+    """Return how far the bodies moved since the last tick (m), and store `widened` in the record.
+
+    `widened` is by how much motion has lowered the answer's lower bound so far, metres.
+    """
     if not (answer.kind == CONTINUOUS and 0.0 < widened < np.inf):
         widened = 0.0
     more = widened - record.widened
@@ -143,8 +149,9 @@ def _blur(record, answer, widened, motion):
 def update(poses, versions, balls, places, answers, known, silent, rows, records, distances, views):
     """Write the views of the rows (k,), as they are before any search.
 
-    The first five are those of `carry`; known (n,) and silent (n,) are of the bodies, records (m,)
-    RECORD is of all rows. If not `distances`, pairs beyond their levels are only decided.
+    The first five arguments are as for `carry`. known (n,) and silent (n,) are about the bodies,
+    records (m,) RECORD about all rows. If not `distances`, pairs are only decided, except those
+    within a level.
     """
     for k in range(len(rows)):
         row = rows[k]
@@ -160,7 +167,7 @@ def update(poses, versions, balls, places, answers, known, silent, rows, records
         view.known = known[a] and known[b]
         view.stale = silent[a] or silent[b]
         view.deciding = record.deciding or not distances
-        # A level may lie between the bounds that a tolerance left.
+        # The last search ended with a tolerance, so a level may lie between its bounds.
         open_yet = view.deciding and record.status == state.WITHIN_TOLERANCE
         view.answered = record.done and motion != MOVED and not open_yet
         view.asked = np.nan
@@ -169,16 +176,16 @@ def update(poses, versions, balls, places, answers, known, silent, rows, records
 
 
 _LAST = 1e300
-"""A sort key behind all lower bounds, metres, and before infinity."""
+"""A sort key (m) above all lower bounds and below infinity."""
 
 
 @entry
 def pending(rows, records, views, at, kind, keys):
     """Write the views that want a search into `at`, and their sort keys; return how many.
 
-    `kind` is 0 where the side of a level is open, 1 elsewhere, and 2 more for stale pairs. keys
-    (2, k) are the lower bounds, or what is larger where models meet or overlap, and the times of
-    the last search.
+    `kind` is 0 if the side of a level is open, otherwise 1; 2 is added for stale pairs. keys (2, k)
+    are the lower bounds and the times of the last search. If models meet or overlap, a larger
+    number replaces the lower bound.
     """
     count = 0
     for k in range(len(rows)):
@@ -186,8 +193,8 @@ def pending(rows, records, views, at, kind, keys):
         if view.wanting:
             at[count] = k
             kind[count] = 2 * view.stale + (not view.urgent)
-            # Where models meet, no distance is open, but whether they overlap, and then how deep.
-            # That takes longer than many distances.
+            # If models meet, the distance is known. It is open whether they overlap, and how deep.
+            # Finding that takes longer than many distances, so it comes last.
             keys[0, count] = view.lower
             if view.upper <= 0.0:
                 keys[0, count] = np.inf if view.upper < 0.0 else _LAST
@@ -198,14 +205,14 @@ def pending(rows, records, views, at, kind, keys):
 
 @kernel
 def _level(record, view, inside):
-    """The clearance at which a search may end, metres; infinity where only the tolerance ends it.
+    """Return the clearance (m) at which a search may end; infinity if only the tolerance ends it.
 
     If a pair is only to be decided, ask for the largest open level: most pairs are beyond all
-    levels, and that one query settles them. So does a pair whose distance takes long begin. If a
-    distance is wanted, first check whether the pair is within range: that costs an eighth of a full
-    query and settles most pairs. If a search for this very level ended and left it open, only
-    rounding keeps it so: then ask for everything. If a solid may overlap the other, `inside`, ask
-    for the sign first, which is far cheaper than the depth.
+    levels, and this one query settles them. The same applies to a pair whose distance takes long,
+    if a level is open. If a distance is wanted, first check whether the pair is within range: that
+    costs an eighth of a full query and settles most pairs. If a search for the same level has ended
+    and left it open, only rounding keeps it open: then ask for everything. If a solid may overlap
+    the other body (`inside`), ask for the sign first, which is far cheaper than the depth.
     """
     level = np.inf
     if view.deciding or (record.hard and view.urgent):
@@ -227,11 +234,11 @@ def query(rows, answers, records, views, at, bodies, wanted, hints, signed, how)
     """Write the queries about the views `at` (m,).
 
     bodies (m, 2), wanted (m, 3), hints (m, 2) and signed (m,) are those of `Assembly.rows`; `how`
-    (m,) is one of TOGETHER, ALONE and INSIDE. A pair that is only to be decided has no tolerance:
-    the level ends its search. Where two solids are certainly apart, their distance is that of
-    their surfaces; elsewhere the sign is asked for, and nearly all pairs turn out to be apart. A
-    depth is asked for as closely as DEPTH_ERR says, but no closer than the bodies moved since the
-    last moment: in the next one it will be blurred by as much.
+    (m,) is TOGETHER, ALONE or INSIDE. A pair that is only to be decided has no tolerance: the level
+    ends its search. If two solids are certainly apart, their distance is that of their surfaces.
+    Otherwise the sign is asked for, and nearly all pairs turn out to be apart. A depth is asked for
+    with the accuracy of DEPTH_ERR, but not more accurately than the bodies moved since the last
+    tick: at the next tick it will be blurred by as much.
     """
     for i in range(len(at)):
         row, view = rows[at[i]], views[at[i]]
@@ -241,7 +248,8 @@ def query(rows, answers, records, views, at, bodies, wanted, hints, signed, how)
         signed[i] = answer.kind != UNSIGNED and view.lower <= 0.0
         how[i] = ALONE if record.hard else TOGETHER
         if signed[i]:
-            # The surfaces tell first whether models that met still do: that costs far less.
+            # If the models met, first find from the surfaces whether they still do: that costs far
+            # less.
             again = record.met and not view.searched and view.upper > 0.0
             inside = answer.kind == JUMPING or record.hard or record.met
             how[i] = INSIDE if inside and not again else TOGETHER
@@ -267,11 +275,11 @@ def commit(
     now_s,
     reached,
 ):
-    """Take what searches of the views `at` (m,) found, and return how many there were.
+    """Store what searches of the views `at` (m,) found, and return how many were searched.
 
-    In found (m, state.ANSWER) the status is NaN where nothing was searched, the triangles are NaN
-    where they are no hints, and the lower bound is -inf where the sign stayed open. Writes
-    reached (m,): which were searched.
+    In found (m, state.ANSWER), the status is NaN if the view was not searched, the triangles are
+    NaN if they are no hints, and the lower bound is -inf if the sign stayed open. Writes
+    reached (m,): which views were searched.
     """
     count = 0
     for i in range(len(at)):
@@ -304,10 +312,10 @@ def commit(
         view.searched = True
         decided = view.lower > level or view.upper <= level < np.inf
         cut = not (ended or decided or unsure)
-        # A level that is decided says nothing of how long the distance takes.
+        # A decided level does not tell how long the distance takes, so the pair may still be hard.
         record.hard = cut or (record.hard and not (final or unsure or view.deciding))
         record.met = not ended if unsure else view.lower <= 0.0
-        # A depth that motion blurred is refined once the bodies stand still.
+        # A depth blurred by motion is refined once the bodies stand still.
         blurred = view.upper < 0.0 < view.blur and not _is_close(view)
         record.done = view.answered and not blurred
         record.status, record.searched_s, record.widened = status, now_s, 0.0
@@ -339,8 +347,8 @@ def _status(record, view):
 def report(rows, answers, balls, silent, records, views, now_s, listed):
     """Write what is known of the listed views; return how many, and how many still want a search.
 
-    Views that may be within their range are listed. The smallest bounds of all moments count only
-    moments at which both poses are certain.
+    Stale views and views that may be within their range are listed. The smallest bounds of all
+    ticks count only ticks at which both poses are certain.
     """
     count = left = 0
     for k in range(len(rows)):

@@ -1,9 +1,9 @@
 """Which of many balls meet: sweep and prune along one axis, with temporal coherence.
 
-Intervals along an axis are kept sorted by their lower ends; bodies that move little between two
-calls leave that order nearly as it was, and an insertion sort mends it in linear time (Thomas et
-al. 2000, section 5, after Cohen et al. 1995). One sweep then meets every pair of intervals that
-overlap, and the balls themselves decide.
+The intervals of the balls along an axis are kept sorted by their lower ends. If bodies move little
+between two calls, the order stays nearly the same, and an insertion sort mends it in linear time
+(Thomas et al. 2000, section 5, after Cohen et al. 1995). One sweep then finds every pair of
+intervals that overlap, and for these the balls themselves are compared.
 """
 
 from __future__ import annotations
@@ -15,28 +15,31 @@ from ..base.memory import on_stack
 from ..base.rounding import DOUBLE_EPS
 
 WIDTH = 16
-"""So many balls are compared with another at once, which takes two thirds of the time."""
+"""How many balls are compared with another at once; this takes two thirds of the time."""
 
 UNSORTED = -1
-"""Returned where mending the order would take longer than sorting it anew."""
+"""Returned if mending the order would take longer than sorting it anew."""
 
 SHIFTS = 16
-"""So many places may each interval be shifted on average before that."""
+"""Average number of places per interval by which `_mend` may shift intervals before it gives up."""
 
 GROWTH, FLOOR = 16.0 * DOUBLE_EPS, 1e-150
-"""What a radius is enlarged by: GROWTH of radius and centre's coordinates, and metres.
+"""Growth of a radius: GROWTH as a share of the radius plus the centre's coordinates; FLOOR, metres.
 
-With u = 2^-53, C the largest coordinate of both centres in absolute value and S the sum of the
-radii: an interval's ends err by u (C + r), so two intervals that touch seem apart by at most
-2 u (2 C + S) < 4 u (C + S); the squared distance errs by 4 u and the square of S by 3 u of
-themselves, which is 3.5 u of the lengths (products below 1e-300 lose their digits, and then both
-are below FLOOR). GROWTH adds 16 u (C + S), from which its own three roundings take u.
+Let u = 2^-53, C the largest absolute coordinate of both centres and S the sum of the radii r. An
+interval's ends err by u (C + r), so two intervals that touch seem apart by at most
+2 u (2 C + S) < 4 u (C + S). The squared distance errs by 4 u and the square of S by 3 u of
+themselves, which is 3.5 u of the lengths. (Products below 1e-300 lose digits; then both lengths are
+below FLOOR.) GROWTH adds 16 u (C + S), less u for its own three roundings.
 """
 
 
 @kernel
 def _mend(low, order):
-    """Sort `order` by the lower ends; False, and any order, where it is too far from sorted."""
+    """Sort `order` by the lower ends; return False if it is too far from sorted to be mended.
+
+    In this case, `order` is left in any order.
+    """
     allowed = SHIFTS * len(order) + 1024
     for i in range(1, len(order)):
         body = order[i]
@@ -54,7 +57,7 @@ def _mend(low, order):
 
 @loop16
 def _meeting(x, y, z, r, first, ax, ay, az, ar, meets):
-    """Mark which of the WIDTH balls from `first` on meet a ball; returns how many do."""
+    """Mark which of the WIDTH balls from `first` on meet a given ball; return how many do."""
     count = 0
     for lane in range(WIDTH):
         j = first + np.uint64(lane)
@@ -67,12 +70,13 @@ def _meeting(x, y, z, r, first, ax, ay, az, ar, meets):
 
 @entry
 def sweep(centres, radii, moving, axis, order, low, lanes, pairs):
-    """Write every pair of balls that meet, one of them moving, the lower index first.
+    """Write every pair of balls that meet and of which at least one is moving, lower index first.
 
-    centres (n, 3) and radii (n,), metres; order (m,) the bodies that take part, as the last call
-    left them; low (n,) scratch, lanes (5, m + WIDTH) too, but finite; pairs (k, 2). Returns how
-    many pairs there are: where they are more than k, only k are written. Rounding may list balls
-    that do not quite meet, and leaves none out that do.
+    centres (n, 3) and radii (n,) in metres; moving (n,); order (m,): the bodies that take part, in
+    the order that the last call left; low (n,): scratch; lanes (5, m + WIDTH): scratch with finite
+    content; pairs (k, 2). Returns how many pairs there are, or UNSORTED. If there are more than k
+    pairs, only k are written. Because of rounding, balls that do not quite meet may be listed, but
+    no pair that meets is left out.
     """
     for body in order:
         low[body] = centres[body, axis] - _grown(centres, radii, body)
@@ -106,6 +110,6 @@ def sweep(centres, radii, moving, axis, order, low, lanes, pairs):
 
 @kernel
 def _grown(centres, radii, body):
-    """The radius, enlarged by what rounding can hide."""
+    """Return the radius, enlarged by the rounding allowance."""
     reach = abs(centres[body, 0]) + abs(centres[body, 1]) + abs(centres[body, 2]) + radii[body]
     return radii[body] + GROWTH * reach + FLOOR

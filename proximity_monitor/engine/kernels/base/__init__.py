@@ -1,1 +1,1 @@
-"""What all kernels rest on: compiling, memory, numbers, rounding."""
+"""The base of all kernels: compiling, memory, arithmetic, rounding, and the records of a search."""

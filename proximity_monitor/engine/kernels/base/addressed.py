@@ -1,10 +1,10 @@
-"""Models and searches by address: kernels read their arrays out of a table where they need them.
+"""Models and searches by address: kernels read their arrays from a table when they need them.
 
-As a tuple, a tree of nine arrays is eighty numbers and a search a hundred and thirty, and each
-function that is called with both would take all of them: a fifth of the time that compiling took,
-and a twentieth of a query's. Here a value is nothing but where its rows of a table begin, and an
-attribute is read there. A table does not change while a kernel runs. LLVM is told so, and reads an
-attribute once where that is enough.
+As a tuple, a tree of nine arrays is eighty numbers and a search is a hundred and thirty. Every
+function called with both would take all of these as arguments. That cost a fifth of the compile
+time and a twentieth of a query's time. Here a value is only a pointer to its first row in a table,
+and reading an attribute loads the array from its row. A table does not change while a kernel runs.
+LLVM is told so, and loads an attribute only once if that is enough.
 """
 
 from __future__ import annotations
@@ -28,23 +28,23 @@ from .memory import array_over
 class _Field(NamedTuple):
     kind: types.Type
     columns: int
-    """Of an array with two dimensions; else 0."""
+    """Number of columns of a two-dimensional array; 0 for one dimension."""
     row: int
-    """Of the table: where the array is told of, or what holds several begins."""
+    """Row of the table that describes the array, or first row of a nested `Addressed`."""
 
 
 class Addressed(types.Type):
-    """A NamedTuple type of arrays, by their addresses.
+    """Numba type for a NamedTuple of arrays that is given by the addresses of the arrays.
 
     Args:
-        kind: that type; by it kernels are chosen (see jit.py).
-        layout: for each of its fields, as they follow one another in a table, the dtype of the
-            array and how many columns it has, 0 where it has one dimension; or an `Addressed` that
-            has rows of its own there. Some fields may be missing.
+        kind: the NamedTuple type; `implements` chooses kernels by it (see jit.py).
+        layout: for each field, in the order of the table's rows: the dtype of the array and its
+            number of columns (0 for one dimension); or an `Addressed` with rows of its own. Fields
+            may be missing.
         readonly: whether no kernel writes to the arrays.
 
     Attributes:
-        arrays: name, dtype and columns of each row of a table.
+        arrays: name, dtype and number of columns for each row of the table.
     """
 
     def __init__(self, kind: type, layout: Mapping[str, Any], readonly: bool = False) -> None:
@@ -93,18 +93,21 @@ def _attribute(context, builder, own, begin, name):
 
 @intrinsic(prefer_literal=True)
 def arrays_at(typingctx, kind, row, table):
-    """What the rows of a table from a constant one on hold; the kind is a constant, `constant`."""
+    """Return the value of type `kind` whose rows in a table start at `row`.
+
+    `row` is a literal; `kind` is a type that `constant` made.
+    """
     own, row = kind.instance_type, row.literal_value
     return begins_at(own, row, kind, types.int64, table)
 
 
 def constant(own: Addressed) -> types.TypeRef:
-    """A type as kernels may have it for a constant."""
+    """Wrap a type so that kernels can use it as a constant."""
     return types.TypeRef(own)
 
 
 def begins_at(own: Addressed, row: int, *arguments: types.Type) -> tuple:
-    """What an intrinsic returns that is of a type by a table's rows from that one on.
+    """Return signature and code of an intrinsic whose result is the value that starts at `row`.
 
     The table (n, 2) is the last of the intrinsic's arguments.
     """

@@ -1,9 +1,8 @@
-"""Where compiled kernels are kept from one process to the next, and what is taken from there.
+"""The disk cache of compiled kernels.
 
-A file holds the machine code of one kernel for one set of argument types, or LLVM's code of one
-helper, and its name is a digest of all that this depends on. Nothing is taken for code that
-somebody else could have written, nor what does not come out as it was written: such a kernel is
-compiled anew.
+A file holds the machine code of one kernel for one set of argument types, or the LLVM bitcode of
+one helper. Its name contains a digest of everything that the code depends on. A file is not used if
+another user could have written it, or if its checksum is wrong. The kernel is then compiled again.
 """
 
 from __future__ import annotations
@@ -40,11 +39,11 @@ _OPTIONS = (
     "OPT", "BOUNDSCHECK", "DEBUGINFO_DEFAULT", "EXTEND_VARIABLE_LIFETIMES", "LOOP_VECTORIZE",
     "SLP_VECTORIZE", "DISABLE_INTEL_SVML", "LLVM_REFPRUNE_PASS",
 )  # fmt: skip
-"""Numba's settings that make other code. A kernel that was made for a profiler, and takes a third
-longer, is for no other process."""
+"""Numba's settings that change the generated code. For example, a kernel compiled for a profiler
+takes a third longer, and no other process should load it."""
 
 refused: list[str] = []
-"""What was found but not taken, and why."""
+"""Files and directories that were found but not used, and why."""
 
 
 @lru_cache
@@ -53,9 +52,10 @@ def _digest(source: Path) -> str:
 
 
 def _sources_digest() -> str:
-    """Digest of all kernel sources: an edited helper must not leave a caller's cache stale.
+    """Return a digest of all kernel sources.
 
-    Nor must an edited constant, which is compiled into them.
+    An edited helper, or an edited constant compiled into a caller, must not leave the caller's
+    cached code stale.
     """
     sources = sorted(_KERNELS.rglob("*.py"))
     named = "".join(f"{source.relative_to(_KERNELS)}{_digest(source)}" for source in sources)
@@ -63,16 +63,16 @@ def _sources_digest() -> str:
 
 
 def _trusted(status: os.stat_result) -> bool:
-    """Whether nobody but this user and the system's administrator can have written there."""
+    """Return whether only this user and root can have written the file or directory."""
     if os.name != "posix":
         return True
     return status.st_uid in (os.geteuid(), 0) and not status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
 
 
 def _roots() -> Iterator[tuple[Path, bool]]:
-    """Where kernels may be kept, and whether others could have made that place before us."""
+    """Yield possible cache roots, and for each whether another user could have made it first."""
     chosen = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME")
-    # A user may have neither a HOME nor an entry among the users, a machine nothing temporary.
+    # A user may have neither HOME nor a passwd entry; a machine may have no temporary directory.
     with suppress(RuntimeError):
         yield (Path(chosen) if chosen else Path.home() / ".cache") / "proximity_monitor", False
     with suppress(FileNotFoundError):
@@ -81,7 +81,10 @@ def _roots() -> Iterator[tuple[Path, bool]]:
 
 
 def _ours(root: Path) -> bool:
-    """Whether a directory among those of all users is ours alone, no link; made where missing."""
+    """Make `root` in a shared directory if it is missing.
+
+    Return whether it belongs to this user alone and is not a symbolic link.
+    """
     root.mkdir(mode=0o700, exist_ok=True)
     status = root.lstat()
     ours = stat.S_ISDIR(status.st_mode) and _trusted(status)
@@ -89,7 +92,10 @@ def _ours(root: Path) -> bool:
 
 
 def _directories() -> tuple[list[Path], Path | None]:
-    """Where this version's kernels are read from, in this order, and where they are written to."""
+    """Return the directories to read this version's kernels from, in order; and the one to write.
+
+    The latter is None if there is no safe directory to write to.
+    """
     found = []
     for root, shared in _roots():
         directory = root.absolute() / f"kernels-{KERNELS}"
@@ -110,31 +116,36 @@ def _directories() -> tuple[list[Path], Path | None]:
 
 
 KERNELS = _sources_digest()
-"""Which version of the kernels this is."""
+"""Version of the kernels: a digest of their sources."""
 
 DIRECTORIES, CACHE_DIRECTORY = _directories()
-"""A directory that is only read, as of an installation, and the one that is written to, if any."""
+"""The directories to read from, for example a read-only one of an installation; and the directory
+to write to, or None. The latter is also the last to be read."""
 
 
 _present: dict[str, CompileResult] = {}
-"""What this process has compiled or loaded, by the names of files."""
+"""Code that this process has compiled or loaded, by file name."""
 
 
 def _note(name: str, compiled: CompileResult) -> None:
-    """Note what is present, and how kernels that call it tell of it: its file and its symbol."""
+    """Record compiled code as present.
+
+    Also store its file name and symbol as `kept_as`, by which its callers refer to it in the cache.
+    """
     _present[name] = compiled
     compiled.library.kept_as = name, compiled.fndesc.mangled_name
 
 
 def kernel_name(function) -> str:
-    """A kernel's name by its room, file and function."""
+    """Return the name of a kernel: its subpackage, module and function."""
     return ".".join([*function.__module__.split(".")[-2:], function.__qualname__])
 
 
 class _Cache:
-    """What is kept of one function, as numba's dispatcher asks for it.
+    """The cache of one function, with the interface that numba's dispatcher expects.
 
-    Numba's own dies of a broken file, and takes nothing from where it cannot write.
+    Numba's own cache raises on a broken file, and reads nothing from a directory that it cannot
+    write to.
     """
 
     _suffix: str
@@ -144,7 +155,7 @@ class _Cache:
         self._label = kernel_name(function)
         self.cache_path = None if CACHE_DIRECTORY is None else str(CACHE_DIRECTORY)
 
-    @cached_property  # there are hundreds, of which a process may compile none
+    @cached_property  # lazy: there are hundreds of functions, and a process may compile none
     def _about(self):
         function, options = self._function, self._options
         source = _digest(Path(inspect.getfile(function)))
@@ -159,13 +170,13 @@ class _Cache:
 
     @classmethod
     def _load(cls, name, target):
-        """What a file of that name holds, with all that it calls."""
+        """Load the code in the file of this name and all code that it calls; None if it fails."""
         for directory in DIRECTORIES:
             try:
                 with (directory / name).open("rb") as file:
                     needs, rebuilt, content = _read(file, name)
                 below = []
-                for needed, symbol in needs:  # LLVM ends the process where code is not there
+                for needed, symbol in needs:  # LLVM aborts the process if a symbol is missing
                     found = _present.get(needed) or cls._load(needed, target)
                     if found is None or found.fndesc.mangled_name != symbol:
                         return None
@@ -175,14 +186,14 @@ class _Cache:
                 return found
             except FileNotFoundError:
                 continue
-            except Exception as error:  # of whatever kind: what is broken breaks anywhere
+            except Exception as error:  # a broken file can raise anything
                 refused.append(f"{directory / name}: {error or type(error).__name__}")
         return None
 
     @staticmethod
     def _write(name, data: bytes) -> None:
-        """Keep the data of a function in a file of that name."""
-        # Kernels that could not be kept are there all the same: a full disk is no error.
+        """Write the data of a function to the file of this name."""
+        # A kernel that cannot be written is still usable here, so a full disk is no error.
         with claims.writing, suppress(OSError):
             CACHE_DIRECTORY.mkdir(mode=0o755, parents=True, exist_ok=True)
             number, temporary = tempfile.mkstemp(dir=CACHE_DIRECTORY)
@@ -196,23 +207,23 @@ class _Cache:
                 raise
 
     def flush(self) -> None:
-        """Kernels are compiled anew only where their sources changed, hence under other names."""
+        """Do nothing: kernels are recompiled only after a source change, under other names."""
 
 
 class KernelCache(_Cache):
-    """The cache of a kernel that is kept as machine code."""
+    """The cache of a kernel that is stored as machine code."""
 
     _suffix = ".nbc"
 
     def load_overload(self, signature, target):
-        """What was compiled for a signature; None where that is to be done here."""
+        """Return the code compiled for a signature, or None if this process has to compile it."""
         if _is_foreign(signature):
             return None
         target.refresh()
         name = self._name(signature, target.codegen())
         kept = self._load(name, target)
         if kept is None and CACHE_DIRECTORY is not None:
-            if not self._label.startswith("base."):  # where small ones are that stand alone
+            if not self._label.startswith("base."):  # kernels of `base` are small and independent
                 ahead.begin(CACHE_DIRECTORY)
             if claims.claim(CACHE_DIRECTORY / name):
                 kept = self._load(name, target)
@@ -221,13 +232,13 @@ class KernelCache(_Cache):
         return kept
 
     def is_wanting(self, signature, target) -> bool:
-        """Whether a kernel is neither kept nor being compiled by any process."""
+        """Return whether the kernel is neither in the cache nor being compiled by any process."""
         name = self._name(signature, target.codegen())
         kept = any((directory / name).exists() for directory in DIRECTORIES)
         return not kept and not claims.is_claimed(CACHE_DIRECTORY / name)
 
     def save_overload(self, signature, compiled) -> None:
-        """Keep what was compiled, if that is possible."""
+        """Store compiled code in the cache, if possible."""
         if _is_foreign(signature):
             return
         name = self._name(signature, compiled.codegen)
@@ -242,27 +253,27 @@ class KernelCache(_Cache):
 class HelperCache(_Cache):
     """The cache of a helper: code that other processes link into their kernels.
 
-    They compile another part of the same at the same time, or what else needs it later. Nobody
-    waits for a helper: to compile it takes no longer.
+    These processes compile other kernels that need the helper, at the same time or later. No
+    process waits for a helper, because compiling it takes no longer than waiting.
     """
 
     _suffix = ".part"
 
     def load_overload(self, signature, target):
-        """What was compiled for a signature, here or elsewhere; None where that is to be done."""
+        """Return the code compiled for a signature, here or elsewhere, or None if there is none."""
         target.refresh()
         name = self._name(signature, target.codegen())
         return _present.get(name) or self._load(name, target)
 
     def save_overload(self, signature, compiled) -> None:
-        """Keep what was compiled, if that is possible."""
+        """Store compiled code in the cache, if possible."""
         parts = compiled.library.parts()
         if CACHE_DIRECTORY is None or parts is None or _is_foreign(signature):
             return
         needs, code = parts
         name = self._name(signature, compiled.codegen)
-        _note(name, compiled._replace(metadata=None))  # numba would time it once more
-        compiled.fndesc.typemap = compiled.fndesc.calltypes = None  # as it does with its own
+        _note(name, compiled._replace(metadata=None))  # else numba would time it once more
+        compiled.fndesc.typemap = compiled.fndesc.calltypes = None  # numba's own cache does this
         about = compiled.fndesc, compiled.environment, compiled.signature
         self._write(name, dumps((needs, helper_of, (code, *about))))
 
@@ -272,7 +283,7 @@ def _in_order(option: object) -> str:
 
 
 def _is_foreign(kinds: Iterable[types.Type]) -> bool:
-    """Whether any types are of another package's making: it may change its kernels unnoticed."""
+    """Return whether a type comes from another package: its code may change without notice here."""
     for kind in kinds:
         made = getattr(kind, "instance_class", None)
         if made is not None and not made.__module__.startswith(_PACKAGE):
@@ -284,12 +295,15 @@ def _is_foreign(kinds: Iterable[types.Type]) -> bool:
 
 
 def _checksum(data: bytes | memoryview, name: str) -> bytes:
-    """Of data in a file of that name: under another it is not what was written there."""
+    """Return the checksum of a file's data and name, so that a renamed file does not match."""
     return crc32(data, crc32(name.encode())).to_bytes(_CHECK, "little")
 
 
 def _read(file: BinaryIO, name: str) -> tuple:
-    """What stands in a file."""
+    """Return the content of an open cache file.
+
+    Raises PermissionError if others may have written it, ValueError if its checksum is wrong.
+    """
     if not _trusted(os.fstat(file.fileno())):
         raise PermissionError("others may have written it")
     content = memoryview(file.read())

@@ -1,7 +1,7 @@
-"""Processes that need the same kernel at once: one compiles it, and the others wait.
+"""Claims on kernels: if several processes need the same one, one compiles it and the others wait.
 
-A claim is a lock of a file beside the kernel's. The system lifts it when its process ends, however
-that happens, so nobody waits for one that is no more.
+A claim is a lock on a file beside the kernel's file. The system releases the lock when the process
+ends, however that happens. So nobody waits for a process that no longer exists.
 """
 
 from __future__ import annotations
@@ -15,18 +15,18 @@ from time import monotonic, sleep
 
 try:
     import fcntl
-except ImportError:  # not a POSIX system: every process compiles for itself
+except ImportError:  # not a POSIX system: every process compiles all its kernels itself
     fcntl = None
 
 POSSIBLE = fcntl is not None
-"""Whether this system has such locks."""
+"""Whether this system has file locks."""
 
 LONGEST_S = 120.0
-"""Nobody waits any longer: the other process may have been stopped."""
+"""Longest wait for a claim, seconds: the process that holds it may have been suspended."""
 _LOOK_S = 0.02
 
 waiting: list[Callable[[], None]] = []
-"""Called now and then by whoever waits, in its thread."""
+"""Functions that a waiting thread calls now and then."""
 
 writing = Lock()
 """Held while a kernel is being written."""
@@ -35,9 +35,9 @@ _claimed: dict[str, int] = {}
 
 
 def claim(path: Path) -> bool:
-    """Claim the kernel of a file, as soon as no other process has it; whether that took waiting.
+    """Wait until no other process claims the kernel file, then claim it; return whether it waited.
 
-    Where there can be no lock, or it takes too long, the kernel is nobody's.
+    If locks are impossible, or the wait takes too long, return without a lock.
     """
     lock = str(path) + ".lock"
     if not POSSIBLE or lock in _claimed:
@@ -59,7 +59,7 @@ def claim(path: Path) -> bool:
 
 
 def is_claimed(path: Path) -> bool:
-    """Whether some process has a claim to the kernel of a file."""
+    """Return whether some process claims the kernel file."""
     with suppress(OSError):
         number = os.open(str(path) + ".lock", os.O_RDWR | os.O_CLOEXEC)
         try:
@@ -70,7 +70,7 @@ def is_claimed(path: Path) -> bool:
 
 
 def release(path: Path) -> None:
-    """Give a claim up, if there is one: the kernel is kept, or is not to be."""
+    """Release the claim on a kernel file, if there is one: the kernel is stored, or will not be."""
     lock = str(path) + ".lock"
     if (number := _claimed.pop(lock, None)) is not None:
         with suppress(OSError):
@@ -79,7 +79,7 @@ def release(path: Path) -> None:
 
 
 def _locked(number: int) -> bool:
-    """Lock an open file, if nobody else has."""
+    """Lock an open file if no other process has; return whether it is locked now."""
     try:
         fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:

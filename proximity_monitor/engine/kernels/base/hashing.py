@@ -8,15 +8,15 @@ from numba import uint64
 from .jit import inlined
 
 EMPTY_HASH = uint64(0)
-"""What `mixed` begins with."""
+"""The first `code` for `mixed`."""
 
 
 @inlined
 def mixed(code, value):
-    """A hash of what `code` is one of and one more integer.
+    """Return the hash of a sequence, from the hash `code` of all but its last integer, `value`.
 
-    Folded before it is multiplied: the coordinates of drawings differ in their upper bits alone,
-    and a product's lower bits know nothing of those.
+    The upper bits are folded into the lower ones before the multiplication. Coordinates of drawings
+    often differ only in their upper bits, and these do not affect the lower bits of a product.
     """
     code = uint64(code) ^ uint64(value)
     return (code ^ (code >> uint64(32))) * uint64(0x9E3779B97F4A7C15)
@@ -24,13 +24,13 @@ def mixed(code, value):
 
 @inlined
 def slot(code, size):
-    """Where a table of so many slots, a power of two, begins to look for what has a hash."""
+    """Return the first slot to probe for a hash, in a table of `size` slots, a power of two."""
     return np.int64((uint64(code) >> uint64(32)) & uint64(size - 1))
 
 
 @inlined
 def slots_for(count):
-    """How many slots a table for so many entries has, half of them free."""
+    """Return the number of slots of a table for `count` entries: at least half stay free."""
     size = 4
     while size < 2 * count:
         size *= 2

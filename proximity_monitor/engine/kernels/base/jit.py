@@ -1,15 +1,16 @@
 """How every kernel of this package is compiled: the decorators and the announcement.
 
-`entry` marks the few functions that Python calls: they are cached on disk. `kernel` marks their
-helpers, which are compiled into the entries and need no cache of their own; the large ones that
-several entries have in common are `shared`, and cached as well. `loop16` is `kernel` with the
-fast-math flags that a vectorised loop over 16 lanes needs; it keeps NaN and infinity meaningful,
-and whatever it computes is used as a bound only with a margin for reordered sums.
+`entry` marks the few functions that Python calls; their machine code is cached on disk. `kernel`
+marks a helper, which is linked into each entry that calls it; its LLVM code is cached. `shared`
+marks a large helper that several entries call; it is compiled once, and cached like an entry.
+`loop16` is `kernel` with the fast-math flags that LLVM needs to vectorise a loop over 16 lanes. NaN
+and infinity keep their meaning in it. Its results serve as bounds only with a margin that covers
+reordered sums.
 
-These run without numba's reference counts, which are atomic and took half the time of a query: each
-use of an array out of a tuple of arrays counts up and down. They may not make arrays, but for small
-ones on the stack (memory.py). What makes and returns arrays is an `allocating_entry`, and its
-helpers `allocating`.
+All of these run without numba's reference counts. The counts are atomic, and each use of an array
+out of a tuple of arrays increments and decrements one: that took half the time of a query. So these
+kernels must not allocate arrays, except small ones on the stack (memory.py). A function that makes
+and returns arrays is an `allocating_entry`, and its helpers are `allocating`.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ from .linking import HELPER, ROOT
 from .sooner import widened
 
 _LLVM = ffi.lib._lock
-"""Taken for each call of LLVM; it tells those in `_cblist`."""
+"""llvmlite's lock, held during each call of LLVM. It notifies the callbacks in its `_cblist`."""
 
 _PACKAGE = __package__.partition(".")[0] + "."
 
@@ -36,16 +37,16 @@ _NOWHERE = "not kept, for there is no place to write to: set NUMBA_CACHE_DIR to 
 
 
 class _Announcement(event.Listener):
-    """Says once a process that it compiles: nobody likes half a minute of silence.
+    """Logs once per process that kernels are being compiled, as this may take half a minute.
 
-    Numba reports a compilation only after its cache had nothing, so a warm start is silent and
-    pays nothing. It is a warning because `logging`, where nobody set it up, shows nothing less.
+    Numba reports a compilation only after a cache miss, so a warm start is silent and costs
+    nothing. The message is a warning because `logging` shows no lower level by default.
     """
 
     _made = False
 
     def on_start(self, start: event.Event) -> None:
-        """Hear of a compilation, ours or another package's."""
+        """Log the message at the first compilation of a function of this package."""
         if not self._made and start.data["dispatcher"].py_func.__module__.startswith(_PACKAGE):
             self._made = True
             logging.getLogger(_PACKAGE + "engine").warning(
@@ -56,23 +57,24 @@ class _Announcement(event.Listener):
             )
 
     def on_end(self, end: event.Event) -> None:
-        """Nothing is said of the end."""
+        """Do nothing."""
 
 
 event.register("numba:compile", _Announcement())
 
 
 class _Undisturbed(event.Listener):
-    """Lets Python look for no garbage while it compiles, which took a tenth of the time.
+    """Disables Python's garbage collector during compilation, where it took a tenth of the time.
 
-    Little of what the compiler makes is garbage before it is done. Nor does numba time the calls of
-    LLVM for a kernel of ours: a hundred thousand, each of them for a dozen callers.
+    Little of what the compiler makes becomes garbage before it ends. For kernels of this package,
+    numba's timing callbacks are disabled as well: they run in a hundred thousand calls of LLVM, a
+    dozen each.
     """
 
     _depth, _enabled, _told = 0, False, None
 
     def on_start(self, start: event.Event) -> None:
-        """Hear of a compilation: one may need others."""
+        """Disable them when the outermost compilation starts: one may start others."""
         if self._depth == 0:
             self._enabled = gc.isenabled()
             gc.disable()
@@ -81,15 +83,15 @@ class _Undisturbed(event.Listener):
         self._depth += 1
 
     def on_end(self, end: event.Event) -> None:
-        """Go on as before when the outermost is done."""
+        """Restore them when the outermost compilation ends."""
         self._depth -= 1
         if self._depth > 0:
             return
         if self._told is not None:
             self._told, _LLVM._cblist = None, self._told
         if self._enabled:
-            if gc.get_freeze_count() == 0:  # else somebody has frozen some, which stay so
-                gc.freeze()  # all count as old from now on, without a look at each
+            if gc.get_freeze_count() == 0:  # else other code has frozen objects, which must stay so
+                gc.freeze()  # moves all objects to the oldest generation without visiting each
                 gc.unfreeze()
             gc.enable()
 
@@ -97,8 +99,9 @@ class _Undisturbed(event.Listener):
 event.register("numba:compile", _Undisturbed())
 
 
-# Each kernel says all of these. What it leaves open numba takes from the caller that it is compiled
-# for first: a sum that a `loop16` needs would be reordered, in a proof that needs it as well.
+# Each kernel sets all of these options. Numba takes an unset option from the caller for which the
+# kernel is compiled first. A helper of a `loop16` would then reorder its sums also when a proof
+# calls it.
 _OWN = {"error_model": "numpy", "fastmath": False, "forceinline": False}
 
 
@@ -126,12 +129,12 @@ def shared(function):
 
 
 def allocating_entry(function):
-    """Compile a function that Python calls and that makes arrays; else as `entry`."""
+    """Compile a function that Python calls and that makes arrays; otherwise like `entry`."""
     return _entry(function, counted=True)
 
 
-# What only other compiled code calls needs nothing that Python could call: a third of the time that
-# compiling takes.
+# Only compiled code calls a helper, so it gets no wrapper for Python: wrappers take a third of the
+# compile time.
 def _helper(**own):
     options = _OWN | own
     compiler = njit(
@@ -158,37 +161,37 @@ loop16 = _helper(_nrt=False, fastmath=_FREE)
 """Compile a branch-free loop over 16 lanes so that LLVM may vectorise it."""
 
 inlined = _helper(_nrt=False, forceinline=True)
-"""Compile into the caller's own code: where a call would pass dozens of array fields. LLVM does it;
-numba's own inlining compiles each copy anew, and the code is a tenth slower."""
+"""Compile a helper that LLVM inlines, because a call would pass dozens of array fields. Numba's own
+inlining compiles each copy again, and its code is a tenth slower."""
 
 fused = _helper(_nrt=False, forceinline=True, fastmath={"contract"})
-"""The same, where a product may be rounded together with the sum that it is a part of."""
+"""Like `inlined`, but LLVM may contract a product and the sum it is part of to one rounding."""
 
 inlined16 = _helper(_nrt=False, forceinline=True, fastmath=_FREE)
-"""Compile into a `loop16`, which must see through it."""
+"""Compile a helper that is inlined into a `loop16`, so that the loop can still be vectorised."""
 
 
 def specialised(function, name, **constants):
-    """The same function under another name, with constants of its own for some of its globals.
+    """Return a copy of a function with another name, and with `constants` replacing some globals.
 
-    Numba takes globals for constants, types among them, so a copy is compiled for these. A call
-    with types for arguments would do the same, by one more function to compile.
+    Numba treats globals, including types, as constants. So it compiles each copy for its own
+    constants. Passing types as arguments would do the same, but needs one more compiled function.
     """
     copy = FunctionType(function.__code__, {**function.__globals__, **constants}, name)
-    copy.__qualname__ = name  # by which its code is kept
+    copy.__qualname__ = name  # the cache identifies its code by this
     copy.__module__, copy.__doc__ = constants.get("__name__", function.__module__), function.__doc__
     return copy
 
 
 def implements(stub, *kinds):
-    """Let a kernel stand in for a stub where the first arguments are of these kinds.
+    """Decorate a kernel so that it replaces a stub if the first arguments are of these kinds.
 
-    A kind is a NamedTuple type, or some of them; an argument is of that kind where it is one of
-    these types or a value of it. Numba chooses when it compiles, so a choice costs nothing later.
-    A stub is a function of this package that does nothing but say what it is for.
+    A stub is a function of this package that has only a docstring. A kind is a NamedTuple type or a
+    tuple of such types. An argument is of that kind if it is one of the types, or a value of one.
+    Numba chooses when it compiles, so the choice costs nothing at run time.
 
-    It is `numba.extending.overload`, but for a kernel that is already there: of a function it would
-    make another kernel around it, and have numba compile that as its own (see linking.py).
+    This is `numba.extending.overload` for an existing kernel. `overload` would wrap the function in
+    another kernel and have numba compile that with its own pipeline (see linking.py).
     """
 
     def fits(argument, kind):

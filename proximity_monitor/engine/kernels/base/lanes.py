@@ -1,8 +1,9 @@
-"""LLVM operations that numba has no name for.
+"""LLVM operations for which numba has no function.
 
-Comparing sixteen float32 at once into a bit mask, and counting its trailing zeros: which lanes
-survive. The smallest of sixteen. How far points reach along a direction. And the fused
-multiply-add.
+- Compare sixteen float32 at once into a bit mask (which lanes survive); count its trailing zeros.
+- Find the smallest of sixteen float32.
+- Find how far points reach along a direction.
+- Fused multiply-add.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from .jit import inlined
 
 @intrinsic
 def not_above(typingctx, values, first, limit):
-    """Bit k of the result says that values[first + k] is below limit, or NaN, for k in 0..15."""
+    """Return a mask: bit k is set if values[first + k] is below `limit` or NaN, for k in 0..15."""
     if not (isinstance(values, types.Array) and values.dtype == types.float32):
         return None
 
@@ -40,9 +41,9 @@ def not_above(typingctx, values, first, limit):
 
 @intrinsic
 def smallest(typingctx, values, first, mask):
-    """The smallest of those of values[first:first + 16], none NaN, whose bit of the mask is set.
+    """Return the smallest of values[first:first + 16] whose bit in the mask is set.
 
-    Infinity where none is.
+    Returns infinity if no bit is set. None of the values may be NaN.
     """
     if not (isinstance(values, types.Array) and values.dtype == types.float32):
         return None
@@ -69,7 +70,7 @@ def smallest(typingctx, values, first, mask):
 
 
 def _least(signature):
-    """Code for the least sum of products of some numbers with the rows of points."""
+    """Return signature and code for the least product of a direction with any of the points."""
     vector = ir.VectorType(ir.DoubleType(), 16)
     step = 16
 
@@ -112,7 +113,7 @@ def _least(signature):
 
 
 def _over_rows(points, coordinates):
-    """The signature of such an intrinsic, or None where the points are none."""
+    """Return the signature of such an intrinsic, or None if `points` is no float64 array."""
     if not (isinstance(points, types.Array) and points.dtype == types.float64):
         return None
     return types.float64(points, types.int64, types.int64, *[types.float64] * coordinates)
@@ -120,10 +121,10 @@ def _over_rows(points, coordinates):
 
 @intrinsic
 def least_along(typingctx, points, first, room, x, y, z):
-    """The least product of a direction, no number of which is NaN, with any of the points.
+    """Return the least scalar product of the direction (x, y, z) with any of the points.
 
-    Their coordinates are three rows of `room` float64, a multiple of 16, that begin at
-    points[first].
+    The coordinates of the points are three rows that begin at points[first], each of `room`
+    float64, a multiple of 16. No number may be NaN.
     """
     signature = _over_rows(points, 3)
     return signature and _least(signature)
@@ -131,10 +132,10 @@ def least_along(typingctx, points, first, room, x, y, z):
 
 @intrinsic
 def least_beyond(typingctx, points, first, room, x, y, z, w):
-    """The same of four rows, the last of which are weights.
+    """Return the same as `least_along` for four rows, the last of which holds weights.
 
-    Of homogeneous coordinates (x, y, z, -c) gives weights times how far points lie beyond the plane
-    at c along a direction.
+    For homogeneous coordinates, w = -c gives the least product of a point's weight and its signed
+    distance beyond the plane at c along the unit vector (x, y, z).
     """
     signature = _over_rows(points, 4)
     return signature and _least(signature)
@@ -142,7 +143,7 @@ def least_beyond(typingctx, points, first, room, x, y, z, w):
 
 @intrinsic
 def lowest(typingctx, mask):
-    """Number of the lowest set bit of a mask that is not zero."""
+    """Return the number of the lowest set bit of a mask that is not zero."""
 
     def codegen(context, builder, signature, args):
         return builder.cttz(args[0], ir.Constant(ir.IntType(1), 1))
@@ -152,14 +153,14 @@ def lowest(typingctx, mask):
 
 @inlined
 def has_three(mask):
-    """Whether more than two bits of a mask are set."""
+    """Return whether more than two bits of a mask are set."""
     mask &= mask - 1
     return (mask & (mask - 1)) != 0
 
 
 @intrinsic
 def fma(typingctx, a, b, c):
-    """A b + c, rounded once."""
+    """Return a b + c, rounded once."""
 
     def codegen(context, builder, signature, args):
         return builder.fma(*args)

@@ -1,10 +1,11 @@
-"""How compiled kernels are put together: each helper is linked in once, and optimised where it is.
+"""How compiled kernels are linked: each helper is linked once into a kernel and optimised there.
 
-Numba would optimise every function with all that it calls, make machine code of both, and do so
-again in each function that calls it: a kernel would take as long to compile as it is deep times
-large. Here a helper is nothing but LLVM's code, as numba's front end writes it. A kernel that is
-kept is a root: it is linked with all helpers below it, and then optimised and made machine code of.
-Roots that are `shared` are not linked into others: these call the machine code that is there.
+Numba itself optimises each function together with everything it calls, generates machine code for
+all of that, and repeats this in each caller. Compile time would grow with a kernel's size times its
+call depth. Here a helper stays LLVM code, as numba's front end generates it. A kernel that is
+cached as machine code is a root: it is linked with all helpers below it, then optimised, then
+compiled to machine code. A `shared` root is not linked into other roots: these call its machine
+code.
 """
 
 from __future__ import annotations
@@ -24,19 +25,20 @@ from numba.core.environment import lookup_environment
 from numba.core.untyped_passes import ExtractByteCode
 
 _OBJECTS = "_ZN08NumbaEnv"
-"""How the names begin by which code finds its function's Python objects."""
+"""Prefix of the global variables through which code finds its function's Python objects."""
 
 
 _WIDE = '"prefer-vector-width"="512"'
 _PROVEN = "avx512vbmi2"
-"""Vectors of sixteen float32 in one register: a tenth of a query's time, a fifth of a long one's.
-LLVM halves them, because the first processors that have such registers slow down as a whole where
-they are used. Those with this feature, Ice Lake and Zen 4 and what came after, do not.
+"""CPU feature that permits sixteen float32 in one register, which saves a tenth of a query's time,
+and a fifth of a long query's. By default LLVM splits such vectors in two, because the first
+processors with 512-bit registers lower their clock when these are used. Processors with this
+feature (Ice Lake, Zen 4 and later) do not.
 """
 
 
 class _Unset:
-    """The code generator, but for what it does with machine code that is not there."""
+    """The code generator, without the step that needs machine code: a helper has none."""
 
     def __init__(self, codegen: Any) -> None:
         self._codegen = codegen
@@ -45,18 +47,19 @@ class _Unset:
         return getattr(self._codegen, name)
 
     def set_env(self, *_: Any) -> None:
-        """Leave a function's Python objects to the roots that it is linked into."""
+        """Do nothing: each root that a helper is linked into sets the helper's Python objects."""
 
 
 class _Library(JITCodeLibrary):
-    """A function's code, with the vectors that suit this processor."""
+    """The code of a function, with the vector width that suits this processor."""
 
     def add_ir_module(self, ir_module: ir.Module) -> None:
-        """Take what numba's front end made."""
+        """Add a module that numba's front end made."""
         if get_host_cpu_features().get(_PROVEN):
             for function in ir_module.functions:
                 if not function.is_declaration:
-                    # llvmlite knows no attributes with values, and hands on what is in the set.
+                    # llvmlite's `add` accepts no attribute with a value, but prints what the set
+                    # holds.
                     set.add(function.attributes, _WIDE)
         super().add_ir_module(ir_module)
 
@@ -65,9 +68,9 @@ class _Helper(_Library):
     """A function that is linked into roots."""
 
     def _optimize_functions(self, ll_module: ModuleRef) -> None:
-        """Make them smaller, no more: the roots optimise them with all that they are linked with.
+        """Simplify the functions only: roots optimise them after linking.
 
-        LLVM takes a seventh less of the time than where it does all it can to both.
+        This takes LLVM a seventh less time than full optimisation of both helpers and roots.
         """
         ll_module.data_layout = self._codegen._data_layout
         options = self._codegen._pass_builder(opt=1)
@@ -82,20 +85,21 @@ class _Helper(_Library):
         return _Unset(self._codegen)
 
     def finalize(self) -> None:
-        """Leave it as it is."""
+        """Mark the library as final without linking or optimising it."""
         self._raise_if_finalized()
         self._finalize_dynamic_globals()
         self._finalized = True
 
     def _get_module_for_linking(self) -> ModuleRef:
-        """What is linked into a root: even where nothing there calls it yet."""
+        """Return the module to link into a root, even if nothing in the root calls it yet."""
         self._ensure_finalized()
         return self._final_module
 
     def parts(self) -> tuple[list[tuple[str, str]], bytes] | None:
-        """What it calls that is kept, as `kept_as` says of each; and its code, with all else.
+        """Return what the cache stores of a helper, or None if it cannot be cached.
 
-        None where it cannot be kept.
+        These are the `kept_as` of each cached function that it calls, and its bitcode, linked with
+        everything else that it calls.
         """
         if self._reload_init or self.has_dynamic_globals:
             return None
@@ -106,7 +110,7 @@ class _Helper(_Library):
                 needs.append(each.kept_as)
             elif type(each) is _Helper:
                 return None
-            else:  # numba's own, by a name that may mean something else in another process
+            else:  # code of numba, whose name may mean something else in another process
                 code.link_in(each._get_module_for_linking(), preserve=True)
         for function in code.functions:
             if not function.is_declaration and function.name not in own:
@@ -115,7 +119,7 @@ class _Helper(_Library):
 
     @classmethod
     def made_of(cls, codegen: Any, code: bytes, below: list[CodeLibrary]) -> Self:
-        """The library of such code and of what it calls."""
+        """Make a library from bitcode that `parts` returned and the libraries that it calls."""
         library = cls(codegen, cls.__name__)
         library._final_module = parse_bitcode(code)
         library._linking_libraries = below
@@ -123,7 +127,7 @@ class _Helper(_Library):
         return library
 
     def get_pointer_to_function(self, name: str) -> int:
-        """No machine code."""
+        """Return 0: a helper has no machine code."""
         self._ensure_finalized()
         return 0
 
@@ -132,15 +136,16 @@ class _Root(_Library):
     """A kernel with all helpers below it."""
 
     needs: tuple[tuple[str, str], ...] = ()
-    """The roots that it calls, as `kept_as` says of each."""
+    """The `kept_as` of each root that it calls."""
 
     def finalize(self) -> None:
-        """Link and optimise."""
+        """Link the helpers into the root and optimise it."""
         below = list(_below(self, set()))
         helpers = [each for each in below if type(each) is _Helper]
         others = [each for each in below if type(each) is not _Helper]
         self.needs = tuple(sorted({each.kept_as for each in others if hasattr(each, "kept_as")}))
-        # Numba's own last: LLVM takes no code of them that nothing calls so far.
+        # Numba's libraries come last: LLVM links only those of their functions that are called by
+        # code linked before.
         others = [each for each in others if not hasattr(each, "kept_as")]
         self._linking_libraries = helpers + others
         self._helpers = {f.name for each in helpers for f in each.get_defined_functions()}
@@ -150,7 +155,7 @@ class _Root(_Library):
                 self._codegen.set_env(each.name, objects)
 
     def _optimize_final_module(self) -> None:
-        """Optimise. A helper is known to no other root, so what is called once is put in there."""
+        """Optimise with the helpers internal: LLVM then inlines every helper called only once."""
         for function in self._final_module.functions:
             if function.name in self._helpers:
                 function.linkage = "internal"
@@ -158,14 +163,14 @@ class _Root(_Library):
 
 
 def kernel_of(target: Any, below: list[CodeLibrary], *kept: Any) -> CompileResult:
-    """A kernel of what was kept of it; the machine code that it calls is there."""
+    """Rebuild a kernel from its cached data; the machine code that it calls is already loaded."""
     return CompileResult._rebuild(target, *kept)
 
 
 def helper_of(
     target: Any, below: list[CodeLibrary], code: bytes, about: Any, environment: Any, signature: Any
 ) -> CompileResult:
-    """A helper of its parts, as numba has one that it compiled."""
+    """Rebuild a helper from its cached parts, in the form of a function that numba compiled."""
     library = _Helper.made_of(target.codegen(), code, below)
     return CompileResult(
         target_context=target, typing_context=target.typing_context, library=library,
@@ -176,7 +181,7 @@ def helper_of(
 
 
 def _below(library: CodeLibrary, seen: set[int]) -> Iterator[CodeLibrary]:
-    """What a library calls, and what the helpers among that call."""
+    """Yield the libraries that a library calls, and those that helpers among them call."""
     for each in library._linking_libraries:
         if id(each) in seen:
             continue
@@ -187,7 +192,7 @@ def _below(library: CodeLibrary, seen: set[int]) -> Iterator[CodeLibrary]:
 
 
 def _compiler(kind: type[JITCodeLibrary]) -> type[Compiler]:
-    """Numba's compiler with a library of that kind."""
+    """Return numba's compiler, made to use a library of that kind."""
 
     class Made(Compiler):
         def __init__(self, typing: Any, target: Any, library: Any, *given: Any) -> None:
@@ -196,10 +201,10 @@ def _compiler(kind: type[JITCodeLibrary]) -> type[Compiler]:
             super().__init__(typing, target, library, *given)
 
         def compile_extra(self, function: Any) -> Any:
-            """As numba does, but that a helper's code has the same name in all processes.
+            """Compile as numba does, but give a helper's code the same name in all processes.
 
-            The name tells the types of the arguments, but not the shapes of arrays in records. To
-            tell functions apart all the same, numba counts them. Here the number is a digest.
+            The name contains the argument types, but not the shapes of arrays in records. Numba
+            adds a counter to distinguish such functions. Here a digest replaces the counter.
             """
             if kind is not _Helper:
                 return super().compile_extra(function)
@@ -217,11 +222,11 @@ def _compiler(kind: type[JITCodeLibrary]) -> type[Compiler]:
 
 
 HELPER, ROOT = _compiler(_Helper), _compiler(_Root)
-"""For `njit(pipeline_class=...)`."""
+"""Values for `njit(pipeline_class=...)`."""
 
 
 def _mangled(self: types.Record) -> tuple[str, tuple[int]]:
-    """A record's part in the name of a function's code: numba's own is another in each process."""
+    """Return a record type's part of a mangled function name; numba's own differs by process."""
     return type(self).__name__, (crc32(self.name.encode()),)
 
 
@@ -229,7 +234,7 @@ types.Record.mangling_args = property(_mangled)
 
 
 def _encoded(self: FastMathOptions) -> str:
-    """Options in the name of a function's code: the order of a set is another in each process."""
+    """Return the options' part of a mangled function name, sorted: set order differs by process."""
     return str(sorted(self.flags))
 
 

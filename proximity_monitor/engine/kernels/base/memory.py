@@ -1,4 +1,4 @@
-"""Arrays that no kernel allocates (see jit.py): small ones on the stack, others by address."""
+"""Arrays without heap allocation (see jit.py): small ones on the stack, others by address."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numba.extending import intrinsic
 
 
 def _on_stack(context, builder, array_type, shape):
-    """An array of a type and a shape over memory of the calling function."""
+    """Return an array of a type and a shape on the stack of the calling function."""
     item = context.get_data_type(array_type.dtype)
     memory = cgutils.alloca_once(builder, item, size=math.prod(shape))
     memory.align = 64
@@ -19,16 +19,17 @@ def _on_stack(context, builder, array_type, shape):
 
 
 def array_over(context, builder, array_type, address, rows, width):
-    """The array (rows, width), or (rows,) if width is 0, of a type that begins at an address."""
+    """Return the array (rows, width), or (rows,) if width is 0, that begins at an address."""
     item = context.get_data_type(array_type.dtype)
     data = builder.inttoptr(address, item.as_pointer())
     return _array(context, builder, array_type, data, (rows, width) if width else (rows,))
 
 
 def _array(context, builder, array_type, data, shape):
-    """An array over memory that others own. Its shape is of integers, but for the first number.
+    """Return an array over memory that it does not own.
 
-    Numba would write it to memory piece by piece, for LLVM to find out that it need not be there.
+    All numbers of its shape except the first are Python integers. Numba's own constructor writes an
+    array struct to memory field by field, and LLVM has to find out that this is unnecessary.
     """
     size = context.get_abi_sizeof(context.get_data_type(array_type.dtype))
     rows, *others = shape
@@ -53,9 +54,9 @@ def _array(context, builder, array_type, data, shape):
 
 @intrinsic(prefer_literal=True)
 def on_stack(typingctx, count, like):
-    """An array (count,) of numbers of the type of `like`, with anything in it.
+    """Return an uninitialised array (count,) of numbers of the type of `like`.
 
-    It lives until the function that asked for it returns; `count` is a constant.
+    It lives until the calling function returns. `count` is a constant.
     """
     if not isinstance(count, types.IntegerLiteral):
         return None
@@ -69,7 +70,7 @@ def on_stack(typingctx, count, like):
 
 @intrinsic(prefer_literal=True)
 def table_on_stack(typingctx, rows, columns, like):
-    """An array (rows, columns); else as `on_stack`."""
+    """Return an array (rows, columns); otherwise like `on_stack`."""
     if not (isinstance(rows, types.IntegerLiteral) and isinstance(columns, types.IntegerLiteral)):
         return None
     array_type = types.Array(types.unliteral(like), 2, "C")
@@ -83,7 +84,7 @@ def table_on_stack(typingctx, rows, columns, like):
 
 @intrinsic
 def read_only(typingctx, array):
-    """The same array as one that is not written to: kernels need no second form for it."""
+    """Return the same array with a read-only type: then kernels are not compiled for both types."""
     frozen = array.copy(readonly=True)
 
     def codegen(context, builder, signature, args):
@@ -94,10 +95,10 @@ def read_only(typingctx, array):
 
 @intrinsic(prefer_literal=True)
 def rows_at(typingctx, address, rows, columns, like):
-    """The array (rows, columns) of numbers of the type of `like` that begins at an address.
+    """Return the array (rows, columns) of numbers of the type of `like` that begins at an address.
 
-    One of one dimension (rows,) where `columns`, which is a constant, is 0. Somebody else keeps the
-    memory; that it holds what is claimed is for the caller to know.
+    It is (rows,) if `columns`, a constant, is 0. The array does not keep its memory alive. The
+    caller is responsible for address, size and type.
     """
     if not isinstance(columns, types.IntegerLiteral):
         return None
@@ -113,7 +114,7 @@ def rows_at(typingctx, address, rows, columns, like):
 
 @intrinsic
 def records_at(typingctx, address, rows, record):
-    """The array (rows,) of records of a dtype, a constant, that begins there; else as `rows_at`."""
+    """Return an array (rows,) of records of a constant dtype; otherwise like `rows_at`."""
     if not (isinstance(record, types.DType) and isinstance(record.dtype, types.Record)):
         return None
     array_type = types.Array(record.dtype, 1, "C")
@@ -126,7 +127,7 @@ def records_at(typingctx, address, rows, record):
 
 @intrinsic
 def addresses(typingctx, arrays):
-    """Where the arrays of a tuple begin, and then how many rows each has."""
+    """Return the addresses of the arrays in a tuple, and after these the number of rows of each."""
     if not (isinstance(arrays, types.BaseTuple) and len(arrays)):
         return None
 

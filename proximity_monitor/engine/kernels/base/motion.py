@@ -1,6 +1,6 @@
-"""From two poses to the relative motions that the search works with.
+"""From two poses to the relative motions that a search uses.
 
-A motion is twelve numbers: a row-major rotation and the translation, in metres.
+A motion is twelve numbers: a row-major rotation matrix, then the translation in metres.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from .rounding import (
 
 @kernel
 def deviation(pose):
-    """Largest entry of |RᵀR - I| and of the last row's difference from (0, 0, 0, 1).
+    """Return the largest entry of |RᵀR - I| and of the last row's difference from (0, 0, 0, 1).
 
-    Infinity where the pose is not finite, mirrors, or lies beyond the largest coordinate.
+    Return infinity if the pose is not finite, mirrors, or lies beyond the largest coordinate.
     """
     worst = 0.0
     for i in range(3):
@@ -35,7 +35,7 @@ def deviation(pose):
         + pose[0, 2] * (pose[1, 0] * pose[2, 1] - pose[1, 1] * pose[2, 0])
     )
     for i in range(3):
-        if not abs(pose[i, 3]) <= LARGEST_COORDINATE:  # nor is a NaN
+        if not abs(pose[i, 3]) <= LARGEST_COORDINATE:  # also true for a NaN
             return float("inf")
     bottom = pose[3, 0] + pose[3, 1] + pose[3, 2] + pose[3, 3]
     # Each comparison is false for a NaN.
@@ -46,13 +46,16 @@ def deviation(pose):
 
 @entry
 def pose_deviation(pose):
-    """`deviation`, for Python."""
+    """Return `deviation`; this is the entry for Python."""
     return deviation(pose)
 
 
 @kernel
 def is_rigid(error):
-    """Whether a pose of that `deviation` keeps lengths to RIGID_TOLERANCE: |RᵀR - I| / 2."""
+    """Return whether a pose with this `deviation` preserves lengths to RIGID_TOLERANCE.
+
+    The relative change of a length is |RᵀR - I| / 2.
+    """
     return error <= 2.0 * RIGID_TOLERANCE
 
 
@@ -60,12 +63,12 @@ def is_rigid(error):
 def relative_motions(pose_a, pose_b, b_to_a, a_to_b):
     """Write the motions between two models' frames, from their poses in the world.
 
-    The translations are subtracted first, in the world: models that are near each other keep their
-    precision however far both are from the origin. Every number of `b_to_a` is rounded once, for
-    what it errs by moves all of b. The transpose serves as the inverse; the
-    distance is the one in a's frame after `b_to_a`, as PQP, FCL and coal take it too, so a pose of
-    six digits gives the same answer in all of them. `a_to_b` serves bounds alone, whose margin
-    pays for what is missing to an exact inverse.
+    The translations are subtracted first, in the world frame. So models that are near each other
+    keep their precision however far both are from the origin. Every number of `b_to_a` is rounded
+    only once, because its error moves all of b. The transpose serves as the inverse. The distance
+    is taken in a's frame after `b_to_a`, as in PQP, FCL and coal, so a pose of six digits gives the
+    same answer in all of them. `a_to_b` is used only for bounds, whose margin covers its difference
+    from an exact inverse.
     """
     x, dx = two_sum(pose_b[0, 3], -pose_a[0, 3])
     y, dy = two_sum(pose_b[1, 3], -pose_a[1, 3])
@@ -84,10 +87,10 @@ def relative_motions(pose_a, pose_b, b_to_a, a_to_b):
 
 @kernel
 def slack_of_bounds(size_a, size_b, apart, error):
-    """What a point that was moved by one of `relative_motions` errs by, metres.
+    """Return the largest error (m) of a point moved by one of the `relative_motions`.
 
-    No point of the models lies farther from its origin than the sizes, the origins are `apart`, and
-    `error` is the sum of both poses' `deviation`.
+    No point of a model lies farther from the model's origin than its size (m). The origins are
+    `apart` metres apart. `error` is the sum of both poses' `deviation`.
     """
     imperfect = POINT_MARGIN + POSE_MARGIN * error
     return imperfect * (size_a + size_b + apart) + POINT_FLOOR
@@ -95,7 +98,7 @@ def slack_of_bounds(size_a, size_b, apart, error):
 
 @entry
 def relative_motion_pair(pose_a, pose_b, size_a, size_b, motions):
-    """Write the motions (2, 12) b to a and a to b; returns `slack_of_bounds`."""
+    """Write the motions (2, 12), b to a and a to b; return `slack_of_bounds`."""
     relative_motions(pose_a, pose_b, motions[0], motions[1])
     t = motions[0]
     apart = abs(t[9]) + abs(t[10]) + abs(t[11])

@@ -1,7 +1,7 @@
 """Arithmetic with twice the precision of float64, for the few signs and normals that need it.
 
 A number is a pair (high, low) with high = fl(high + low). The error-free transformations are
-Knuth's sum (as in Shewchuk 1997, section 2.3) and a product by fused multiply-add; they hold under
+Knuth's sum (as in Shewchuk 1997, section 2.3) and a product by fused multiply-add. They require
 strict IEEE arithmetic, so nothing here is compiled with fast-math flags.
 """
 
@@ -15,7 +15,7 @@ from .vectors import cross, dot, sub
 
 @kernel
 def two_sum(a, b):
-    """A + b exactly, as (rounded sum, rounding error)."""
+    """Return a + b exactly, as (rounded sum, rounding error)."""
     s = a + b
     v = s - a
     return s, (a - (s - v)) + (b - v)
@@ -23,14 +23,14 @@ def two_sum(a, b):
 
 @kernel
 def two_product(a, b):
-    """A * b exactly, as (rounded product, rounding error)."""
+    """Return a * b exactly, as (rounded product, rounding error)."""
     p = a * b
     return p, fma(a, b, -p)
 
 
 @kernel
 def difference_of_products(a, b, c, d):
-    """A b - c d, correctly rounded to about one unit in the last place (Kahan's method)."""
+    """Return a b - c d, accurate to about one unit in the last place (Kahan's method)."""
     p, e = two_product(a, b)
     q, f = two_product(c, d)
     s, g = two_sum(p, -q)
@@ -39,7 +39,7 @@ def difference_of_products(a, b, c, d):
 
 @kernel
 def cross_precise(a, b):
-    """Vector product whose components are all accurate, however close to parallel a and b are."""
+    """Return a × b with every component accurate, however close to parallel a and b are."""
     return (
         difference_of_products(a[1], b[2], a[2], b[1]),
         difference_of_products(a[2], b[0], a[0], b[2]),
@@ -49,10 +49,10 @@ def cross_precise(a, b):
 
 @kernel
 def accurate_cross(a, b):
-    """Vector product a × b, accurate relative to its own length.
+    """Return a × b, accurate relative to its own length.
 
-    The plain formula errs by u |a| |b|: relative to the product that is u / sin(angle). Where the
-    angle is small the components are computed with twice the precision instead.
+    The plain formula errs by u |a| |b|, which is u / sin(angle) relative to the product. If the
+    angle is small, the components are computed with twice the precision instead.
     """
     n = cross(a, b)
     if dot(n, n) < ILL_CONDITIONED * (dot(a, a) * dot(b, b)):
@@ -62,10 +62,10 @@ def accurate_cross(a, b):
 
 @kernel
 def dot_precise(a, b, c):
-    """A · (b + c) as if with twice the precision, and rounded once; c no longer than u |b|.
+    """Return a · (b + c) as if computed with twice the precision and rounded once; |c| <= u |b|.
 
-    The compensated product of Ogita, Rump and Oishi 2005 (algorithm 5.3): besides that last
-    rounding it errs by 8 u² |a| |b|.
+    This is the compensated product of Ogita, Rump and Oishi 2005 (algorithm 5.3). Apart from the
+    last rounding it errs by 8 u² |a| |b|.
     """
     x, d = two_product(a[0], b[0])
     y, e = two_product(a[1], b[1])
@@ -99,10 +99,11 @@ def _minor(a, b, c, d):
 
 @kernel
 def orientation(a, b, c, d):
-    """Sign of (a - d) . ((b - d) x (c - d)): which side of the plane through a, b, c holds d.
+    """Return the sign of (a - d) . ((b - d) x (c - d)): the side of the plane a, b, c that holds d.
 
-    Returns -1, 0 or 1. A float64 filter decides nearly always; else the determinant is taken with
-    twice the precision, and 0 means that its sign is in doubt: it vanishes to 2^-101 of its terms.
+    Returns -1, 0 or 1. A float64 filter nearly always decides. Otherwise the determinant is
+    computed with twice the precision. 0 means that the sign is in doubt: the determinant is at most
+    2^-101 of its terms.
     """
     ad, bd, cd = sub(a, d), sub(b, d), sub(c, d)
     m0 = bd[1] * cd[2]
@@ -120,8 +121,8 @@ def orientation(a, b, c, d):
     # Shewchuk 1997, section 4.3: 7 u (1 + 8 u) of the terms suffices; 8 u is simpler.
     if abs(value) > 8.0 * DOUBLE_EPS * terms:
         return 1 if value > 0.0 else -1
-    # The differences are exact, `_times` errs by 8 u² of its product, `_plus` by 3 u² of its terms:
-    # along each of the six products 8 + 3 + 8 + 3 + 3 = 25 u².
+    # The differences are exact. `_times` errs by 8 u² of its product, `_plus` by 3 u² of its terms.
+    # Each of the six products thus errs by 8 + 3 + 8 + 3 + 3 = 25 u².
     precise = volume(a, b, c, d)
     if abs(precise) <= 32.0 * DOUBLE_EPS * DOUBLE_EPS * terms:
         return 0
@@ -130,7 +131,7 @@ def orientation(a, b, c, d):
 
 @kernel
 def volume(a, b, c, d):
-    """(a - d) . ((b - d) x (c - d)) with twice the precision, rounded at the end."""
+    """Return (a - d) . ((b - d) x (c - d)), with twice the precision and rounded at the end."""
     ax, ay, az = two_sum(a[0], -d[0]), two_sum(a[1], -d[1]), two_sum(a[2], -d[2])
     bx, by, bz = two_sum(b[0], -d[0]), two_sum(b[1], -d[1]), two_sum(b[2], -d[2])
     cx, cy, cz = two_sum(c[0], -d[0]), two_sum(c[1], -d[1]), two_sum(c[2], -d[2])

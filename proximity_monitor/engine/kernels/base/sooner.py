@@ -1,13 +1,14 @@
-"""What saves numba two fifths of its time.
+"""Changes to numba that save two fifths of its compile time.
 
-It would compile a kernel once for each integer that a call writes out, and for integers of each
-size. No kernel needs that: LLVM puts in the constants where it inlines a call. It compares its
-options so often that how they are read matters. It looks through dozens of meanings for each `+`
-and each element of an array, of which kernels have thousands. After each of its passes it finds out
-which variables live in each block, for nobody; and it says where each variable ends, which only
-what counts references asks for. It has LLVM read a module whenever it wants to know how large a
-type is. And it asks the same of its registries and of its own functions thousands of times, often
-by an error that it raises and catches.
+- Numba compiles a kernel once for each integer literal in a call, and for each integer size. No
+  kernel needs that: LLVM propagates constants when it inlines a call.
+- It compares its options so often that reading them takes noticeable time.
+- It tries dozens of overloads for each `+` and each array element; kernels have thousands.
+- After each pass it computes the live variables of each block, which no kernel uses, and inserts
+  the end of each variable's life, which only reference counting uses.
+- It has LLVM parse a module whenever it needs the size of a type.
+- It asks its registries and its own functions the same questions thousands of times, often by
+  raising and catching an error.
 """
 
 from __future__ import annotations
@@ -29,11 +30,11 @@ from numba.core.types.functions import BaseFunction
 _KERNELS = __package__.rpartition(".")[0] + "."
 
 _UNCOUNTED: WeakSet = WeakSet()
-"""Functions whose kernels count no references."""
+"""Functions whose kernels do not count references."""
 
 
 def widened(compiled: Any) -> Any:
-    """Have a kernel take the integers of all that call it as int64."""
+    """Make a kernel take every signed integer argument as int64; return the kernel."""
     if not compiled.targetoptions.get("_nrt", True):
         _UNCOUNTED.add(compiled.py_func)
     ask = compiled.get_call_template
@@ -55,7 +56,7 @@ _DEFAULTS = {name: option.default for name, option in Flags.options.items()}
 
 
 def _values(flags: Flags) -> dict[str, Any]:
-    """All options, by name. Numba's own `Flags.values` reads them one by one."""
+    """Return all options by name. Numba's own `Flags.values` reads them one by one."""
     return {**_DEFAULTS, **flags._values}
 
 
@@ -68,10 +69,11 @@ _look_up = BaseFunction.get_call_type
 
 
 def _get_call_type(self: BaseFunction, context: Any, args: tuple, kws: dict[str, Any]) -> Any:
-    """The signature of a call, of an operator of numbers and arrays as it was found before.
+    """Return the signature of a call; for an operator on numbers and arrays, from a cache.
 
-    That is kept only where numba has code of its own for it, which depends on the types alone. What
-    it would compile a function for, as for some of `max`, it compiles by its caller's options.
+    A signature is cached only if numba implements it with built-in code, which depends on the types
+    alone. If numba compiles a function for it (for some cases of `max`), that function depends on
+    the options of the caller.
     """
     if kws or self.typing_key not in _OPERATORS:
         return _look_up(self, context, args, kws)
@@ -92,10 +94,10 @@ _post_process = PostProcessor.run
 
 
 def _run(self: PostProcessor, emit_dels: bool = False, extend_lifetimes: bool = False) -> None:
-    """Prepare a function's code for the next pass, without the variables that live in each block.
+    """Prepare a function's code for the next pass, without computing live variables by block.
 
-    Only generators and what runs by Python's objects ask for these: no kernel is either. Nor is it
-    said where a variable ends, unless references are counted down there: LLVM finds it out.
+    Only generators and object mode need these, and no kernel is either. The end of a variable's
+    life is marked only in kernels that count references. LLVM finds it by itself.
     """
     code = self.func_ir
     if code.is_generator or not code.func_id.modname.startswith(_KERNELS):
@@ -115,9 +117,10 @@ _measure = base.BaseContext.get_abi_sizeof
 
 
 def _size(self: base.BaseContext, kind: ir.Type) -> int:
-    """How many bytes a type takes, as was found before.
+    """Return the size of a type in bytes, from a cache.
 
-    That is asked of each variable. Its text says all of a type that has no name of its own.
+    Numba asks this for each variable. The text of a type is a sufficient key unless it contains a
+    named type (`%`).
     """
     text = str(kind)
     if "%" in text:
@@ -135,13 +138,13 @@ _LITERALS = types.Literal.ctor_map
 
 
 def _literal(value: Any) -> types.Literal | None:
-    """The type of a value that is written out; None of one that cannot be."""
+    """Return the literal type of a value, or None if there is none."""
     make = _LITERALS.get(type(value))
     return None if make is None else make(value)
 
 
 def _literal_or_omitted(value: Any) -> types.Type:
-    """The type of an operand that may be written out."""
+    """Return the literal type of a value, or else its `Omitted` type."""
     return _literal(value) or types.Omitted(value)
 
 
@@ -150,7 +153,7 @@ lowering._lit_or_omitted = _literal_or_omitted
 
 
 def _variables(self: numba_ir.Inst, held: Any) -> list[numba_ir.Var]:
-    """The variables in what an instruction holds, which is mostly one or none."""
+    """Return the variables in an operand of an instruction; there is mostly one or none."""
     kind = type(held)
     if kind is numba_ir.Var:
         return [held]
@@ -170,10 +173,10 @@ _implementation = base.BaseContext.get_function
 def _get_function(
     self: base.BaseContext, function: Any, signature: Any, _firstcall: bool = True
 ) -> Any:
-    """What implements a function.
+    """Return the implementation of a function.
 
-    For every access numba asks how an array is made of an array, as it is of other objects. Nothing
-    does that, and to find out it would take up all registries anew.
+    At every access, numba asks for the `__array__` conversion of an array. No such implementation
+    exists, and numba would refresh all registries to find that out. So raise its error at once.
     """
     if function == "__array__" and type(signature.args[0]) in (types.Array, types.NestedArray):
         raise NotImplementedError(function)
@@ -188,14 +191,14 @@ _load = base.BaseContext.refresh
 
 
 def _refresh(self: base.BaseContext) -> None:
-    """Take up what was registered since the last time, if there is any."""
+    """Load what was registered since the last time, if anything was."""
     if _registered(self) != vars(self).get("_taken_up"):
         _load(self)
         self._taken_up = _registered(self)
 
 
 def _registered(context: base.BaseContext) -> int:
-    """How much the registries hold at which a context, and that of its types, look."""
+    """Return the number of entries in the registries of a context and of its typing context."""
     registries = *context._registries, *context.typing_context._registries
     kept = [each for one in registries for each in vars(one).values()]
     return sum(len(each) for each in kept if isinstance(each, list))

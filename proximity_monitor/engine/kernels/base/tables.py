@@ -1,7 +1,7 @@
-"""Hierarchies and searches as tables of addresses: what Python hands to a kernel in one argument.
+"""Hierarchies and searches as tables of addresses, which Python passes to a kernel as one argument.
 
-Each array that crosses from Python costs a tenth of a microsecond, and a model and a search are
-fifteen of them. A table (n, 2) holds the address of each array and how many rows it has.
+Passing an array from Python costs a tenth of a microsecond, and a model and a search have fifteen
+arrays. A table (n, 2) holds the address of each array and its number of rows.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ from .trees import (
 
 
 def table(arrays):
-    """The table of some arrays, int64 (n, 2); whoever keeps it has to keep them."""
+    """Return the table of some arrays, int64 (n, 2). The caller must keep the arrays alive."""
     made = np.empty((len(arrays), 2), np.int64)
     _fill(arrays, made)
     return made
@@ -53,7 +53,7 @@ def table(arrays):
 
 @entry
 def _fill(arrays, made):
-    """Write the table of a tuple of arrays: numpy itself takes ten times as long to tell it."""
+    """Write the table of a tuple of arrays; numpy takes ten times as long to give an address."""
     found = addresses(arrays)
     for i in range(len(made)):
         made[i, 0], made[i, 1] = found[i], found[len(made) + i]
@@ -77,7 +77,7 @@ _PROFILE = {
     "arcs": (ARC, 0), "curves": (CURVE_PIECE, 0), "places": (_INT, 0), "frame": (_DOUBLE, 3),
     "samples": (_DOUBLE, 3), "reaches": (_DOUBLE, VECTORS),
 }  # fmt: skip
-"""What kernels take each array of a tree for: its type, and its columns; 0 for one dimension."""
+"""Type and number of columns of each array of a tree, as kernels assume; 0 for one dimension."""
 
 TREES = {
     kind: Addressed(kind, layout, readonly=True)
@@ -88,20 +88,22 @@ TREES = {
         (RevolutionTree, _OVER_PIECES | _PROFILE),
     )
 }
-"""How kernels find each kind of tree in a table, behind its first row."""
+"""The layout of each kind of tree in a model's table, after its first row (the labels)."""
 
 MODEL_ROWS = 1 + max(len(each.arrays) for each in TREES.values())
-"""Rows of a model's table, whatever its kind, so that those of several make one array."""
+"""Rows of a model's table, the same for each kind, so that several tables make one array."""
 
 _PIECES = 1 + len(TREES[MeshTree].arrays)
-"""A row that the tables of trees over triangles leave empty, and no others."""
+"""A row that is empty in the table of a tree over triangles, and in no other."""
 
 
 def model_table(labels, tree, *more):
-    """The table of a hierarchy: labels of its elements, the tree, and what it has besides.
+    """Return the table of a hierarchy: labels of its elements, its tree, and further arrays.
+
+    `more` are the arrays that a RevolutionTree has in addition to a SurfaceTree.
 
     Raises:
-        TypeError: an array is not what `tree_at` takes it for.
+        TypeError: an array does not have the type or shape that `tree_at` assumes.
     """
     arrays = (*arrays_of(tree), *more)
     own = TREES[RevolutionTree if more else type(tree)].arrays
@@ -116,7 +118,7 @@ def model_table(labels, tree, *more):
 
 
 def arrays_of(tree):
-    """The arrays of a tree, one after the other."""
+    """Yield the arrays of a tree in order."""
     for each in tree:
         if isinstance(each, tuple):
             yield from each
@@ -126,13 +128,13 @@ def arrays_of(tree):
 
 @intrinsic
 def _tree_in(typingctx, kind, model):
-    """The tree, of a type in TREES, of a model's table."""
+    """Return the tree in a model's table; `kind` is a key of TREES."""
     return begins_at(TREES[kind.instance_class], 1, kind, model)
 
 
 @intrinsic
 def seen_as(typingctx, kind, tree):
-    """A tree as one of another type, whose arrays are in the same rows of a table."""
+    """Return a tree as one of another type whose arrays are in the same rows of the table."""
     if not isinstance(tree, Addressed):
         return None
 
@@ -143,10 +145,10 @@ def seen_as(typingctx, kind, tree):
 
 
 def is_tree_of(kind, model):
-    """Whether `tree_at` makes a tree of that type of a table; each kind implements it.
+    """Return whether a model's table holds a tree of type `kind`; each kind implements this stub.
 
-    It matters where models of two kinds may come in either order (see pairs/entries.py): a kind of
-    which that is not so says yes.
+    It matters only for kinds whose models may come in either order (see pairs/entries.py). All
+    other kinds return True.
     """
 
 
@@ -164,22 +166,25 @@ def _is_over_pieces(kind, model):
 
 @inlined
 def tree_at(kind, model):
-    """The hierarchy, a tree of that type, of a table of its arrays and labels; and the labels.
+    """Return the tree of type `kind` in a model's table, and the labels of its elements.
 
-    A label says what an element is called outside: of a triangle its face.
+    A label is the caller's number of an element: for a triangle, its face.
     """
     return _tree_in(kind, model), rows_at(model[0, 0], model[0, 1], 0, np.int32(0))
 
 
 @inlined
 def revolution_of(tree):
-    """The solid of revolution whose patches a SurfaceTree is over; it must have a profile."""
+    """Return a SurfaceTree over the patches of a solid of revolution as a RevolutionTree.
+
+    The tree must have a profile.
+    """
     return seen_as(RevolutionTree, tree)
 
 
 @inlined
 def has_profile(tree):
-    """Whether a SurfaceTree is over the patches of a solid of revolution."""
+    """Return whether a SurfaceTree is over the patches of a solid of revolution."""
     return len(revolution_of(tree).arcs) > 0
 
 
@@ -207,7 +212,10 @@ _SEARCH = {
 
 @intrinsic
 def state_at(typingctx, order, waiting, memory):
-    """The search of a table that `state_table` made, of these types of what is open and waits."""
+    """Return the State in a table that `state_table` made.
+
+    `order` and `waiting` are the types of its `open` and `waiting`.
+    """
     inner = {
         "open": Addressed(order.instance_class, _OPEN[order.instance_class]),
         "waiting": Addressed(waiting.instance_class, _WAITING[waiting.instance_class]),
@@ -217,11 +225,14 @@ def state_at(typingctx, order, waiting, memory):
 
 @inlined
 def queries_at(asked):
-    """The queries of a table: records themselves take Python as long to hand over as six arrays."""
+    """Return (as a tuple of one) the array of queries in a table.
+
+    Passing an array of records from Python takes as long as passing six other arrays.
+    """
     queries = records_at(asked[0, 0], asked[0, 1], QUERY)
     return (queries,)
 
 
 def state_table(state):
-    """The table of a search."""
+    """Return the table of a State."""
     return table((*(getattr(state, name) for name in _SEARCH), *state.open, *state.waiting))

@@ -1,4 +1,4 @@
-"""Three-vectors and rotations as tuples of floats: numba keeps them in registers."""
+"""Three-vectors as tuples of floats, which numba keeps in registers, and rotations of them."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import numpy as np
 from .jit import inlined, kernel
 
 _NEEDLE = 1e-24
-"""Squared sine of two edges' angle below which a triangle's normal is only noise."""
+"""Squared sine of the angle of two edges below which their normal is only rounding noise."""
 
 _NOWHERE = (0.0, 0.0, 0.0)
 
@@ -44,13 +44,13 @@ def dot(a, b):
 
 @kernel
 def norm(v):
-    """Length of a vector; infinity where its square is."""
+    """Length of a vector; infinity if its square overflows."""
     return np.sqrt(dot(v, v))
 
 
 @inlined
 def clamped(x):
-    """The number of 0 to 1 that is nearest to x."""
+    """The number from 0 to 1 that is nearest to x."""
     return min(max(x, 0.0), 1.0)
 
 
@@ -66,7 +66,7 @@ def cross(a, b):
 
 @kernel
 def rotated(r, v):
-    """Row-major 3×3 rotation, nine numbers of a flat array, times a vector."""
+    """Product of a row-major 3×3 rotation (nine numbers of a flat array) and a vector."""
     return (
         r[0] * v[0] + r[1] * v[1] + r[2] * v[2],
         r[3] * v[0] + r[4] * v[1] + r[5] * v[2],
@@ -76,7 +76,7 @@ def rotated(r, v):
 
 @kernel
 def turned_back(r, v):
-    """The transpose of that matrix times a vector: a direction after the motion, before it."""
+    """Product of the transpose of such a rotation and a vector: undoes `rotated`."""
     return (
         r[0] * v[0] + r[3] * v[1] + r[6] * v[2],
         r[1] * v[0] + r[4] * v[1] + r[7] * v[2],
@@ -86,7 +86,7 @@ def turned_back(r, v):
 
 @kernel
 def moved(r, v):
-    """Rotation and then translation: r holds twelve numbers, the translation last."""
+    """A point after a motion r: twelve numbers, first the rotation, then the translation."""
     return (
         r[0] * v[0] + r[1] * v[1] + r[2] * v[2] + r[9],
         r[3] * v[0] + r[4] * v[1] + r[5] * v[2] + r[10],
@@ -96,13 +96,13 @@ def moved(r, v):
 
 @kernel
 def moved_back(r, v):
-    """Where that motion leads to v from."""
+    """A point before a motion r that moves it to v: undoes `moved`."""
     return turned_back(r, (v[0] - r[9], v[1] - r[10], v[2] - r[11]))
 
 
 @kernel
 def unit(v):
-    """A vector divided by its length, however small that is; zero where it has none."""
+    """A vector divided by its length; zero if its largest component is below 1e-300."""
     size = max(max(abs(v[0]), abs(v[1])), abs(v[2]))
     if size < 1e-300:
         return _NOWHERE
@@ -112,12 +112,12 @@ def unit(v):
 
 @kernel
 def across(e, f):
-    """The unit vector perpendicular to two; zero where they are parallel, or either is none."""
+    """The unit vector perpendicular to two vectors; zero if they are parallel or one is zero."""
     n = cross(unit(e), unit(f))
     return unit(n) if dot(n, n) > _NEEDLE else _NOWHERE
 
 
 @kernel
 def face_normal(t):
-    """Unit normal of a triangle (three corners); zero where it has no area."""
+    """Unit normal of a triangle (three corners); zero if the triangle has no area."""
     return across(sub(t[1], t[0]), sub(t[2], t[0]))

@@ -1,11 +1,12 @@
 """From one pair of near points to a nearer one: the nearest point of b to that of a, and back.
 
-A search starts from the elements that were nearest last time. Where the models have moved far
-since, what the descent finds first is not yet the nearest either, and until it is, volumes are
-opened that the true distance would have pruned: twice as many as need be, between spheres at random
-poses. Alternating projections (Cheney and Goldstein 1959) go down to a local minimum in a few
-rounds of two point queries, which are far cheaper than that. Whatever they find is the distance of
-two elements, measured like any other. When a search does so stands here, how in `pairs`.
+A search starts from the elements that were nearest last time. If the models have moved far since
+then, what the descent finds first is not the nearest either. Until the descent finds the nearest
+points, it opens volumes that the true distance would have pruned: twice as many as necessary, for
+spheres at random poses. Alternating projections (Cheney and Goldstein 1959) descend to a local
+minimum in a few rounds of two point queries, which are far cheaper than those openings. Each
+distance that they find is measured between two elements, like any other. This file decides when a
+search does this; `pairs` implements how.
 """
 
 from __future__ import annotations
@@ -20,45 +21,51 @@ from ..tree.layout import WIDTH
 from .stubs import approach, guess, least_open, settle
 
 APPROACH_STEPS = 64
-"""Steps that a search takes as long for as this does, about: so a slice of steps is one of time."""
+"""Steps that a call of `come_nearer` counts as. It takes about as long as these, so that a slice of
+steps is a slice of time."""
 
 _QUERY, _ROUGH, _SHARE = 32, 6, 16 * WIDTH
-"""Steps of a point query: what it has found by then will do; and where less than the exact distance
-is asked for: down to the first leaf, and more in a long search: one step for so many bound tests.
+"""Steps of a point query. _QUERY: the most; what the query has found by then is good enough. If the
+exact distance is not asked for: _ROUGH, enough to reach the first leaf; in a long search more, one
+step per _SHARE bound tests.
 """
 _ROUNDS, _WORTH = 4, 0.9
-"""Most rounds; and the share of the distance to which one has to shorten it to have a successor."""
+"""Most rounds; and the share of the distance below which a round must come to be followed by
+another."""
 _FAR = 0.97
-"""Of the distance that the search began with, or had after the last rounds: what it has to have
-found before more of them pay. Along a path it never has, and none are made."""
+"""More rounds pay once the search has found a distance below this share of the one that it began
+with, or had after the last rounds. Along a path it never does, and no rounds are made."""
 
 _PATIENCE, _LONG, _LONGER = 24 * WIDTH, 96 * WIDTH, 8
-"""Bound tests that a search with a tolerance makes first; the same where it began with points that
-were the nearest of the search before; and how many times as many it makes before it tries again."""
+"""Bound tests that a search with a tolerance makes before the first rounds; the same if it began
+with the nearest points of the search before; and the factor on its bound tests before the next
+rounds."""
 _RENEWAL, _STALE = 200 * WIDTH, 0.05
 """Bound tests of searches with a tolerance until the nearest points are renewed (see `renew`); and
-which share of the distance is tolerated at least.
+the least tolerance, as a share of the distance, for which this is done.
 
-Such a search finds none that are nearer by less than is tolerated. What the next begins with is too
-far then by more and more, and with it the limit, so that it opens more volumes: along a path half
-as many again for 10 %. To bring the points nearer takes some 30 openings.
+Such a search finds no points that are nearer by less than the tolerance. So the points with which
+the next search begins are too far by more and more, and so is the limit, and it opens more volumes:
+along a path half as many again for a tolerance of 10 %. Renewing the points takes as long as about
+30 openings.
 """
 _WITHIN_REACH = 1.5
-"""How many times as far as a clearance the nearest points may be and may soon be within it."""
+"""Largest distance of the nearest points, as a multiple of the clearance, from which `approach` is
+likely to bring them within the clearance."""
 _POOR, _POOR_SHARE, _PATH = 0.1, 0.25, 0.02
-"""Share of the last distance by which the remembered elements are too far to begin with. With a
-relative error it is this share of the error, as each part of it that the first distance takes up
-keeps more volumes open; but no less than distances change from step to step of a path.
+"""The remembered elements are too far to begin with if their distance exceeds the last distance by
+more than a share of it. The share is _POOR in an exact search. With a relative error it is
+_POOR_SHARE of that error, because whatever part of the error the first distance uses up keeps more
+volumes open; but at least _PATH, by which distances change from step to step of a path.
 """
 
 
 @kernel
 def begin_near(tree_a, tree_b, state, last):
-    """Begin elsewhere where the remembered elements are much farther apart than when they were.
+    """Begin with other elements if the remembered ones are now much farther apart than before.
 
-    After a leap to elsewhere they tell nothing, however near they are.
-
-    `last` is the distance, metres, that the search before ended with.
+    After a leap of the models, the remembered elements say nothing, however near they are. `last`
+    is the distance (m) with which the search before ended.
     """
     progress = state.progress[0]
     progress.approached, progress.patience = np.inf, _PATIENCE
@@ -77,7 +84,7 @@ def begin_near(tree_a, tree_b, state, last):
 
 @inlined
 def renew(tree_a, tree_b, state):
-    """Bring the nearest points of the search before nearer, if that is due."""
+    """Bring the nearest points of the search before nearer, if this is due (see _RENEWAL)."""
     progress = state.progress[0]
     stale = progress.rel_err * progress.distance + progress.abs_err >= _STALE * progress.distance
     if remembers(state) and stale and progress.spent >= _RENEWAL:
@@ -87,11 +94,12 @@ def renew(tree_a, tree_b, state):
 
 @inlined
 def far_from_nearest(progress):
-    """Whether the descent has found so much nearer points that `approach` is worth the time.
+    """Return whether the descent has found so much nearer points that `approach` is worth the time.
 
-    Where less than the exact distance is asked for, a few openings often answer: they come first.
-    But points a little nearer may save most of a long search, so it is tried again and again.
-    Whether something is within a clearance, which the limit is then, is approached from near it.
+    If less than the exact distance is asked for, a few openings often suffice, so they come first.
+    But slightly nearer points may save most of a long search, so `approach` is tried again and
+    again. If the question is whether anything is within a clearance (the limit is then the
+    clearance), `approach` is worthwhile only from points that are near the clearance.
     """
     distance, limit = progress.distance, progress.limit
     if limit >= _FAR * distance:
@@ -103,7 +111,10 @@ def far_from_nearest(progress):
 
 @kernel
 def come_nearer(tree_a, tree_b, state, found):
-    """Improve the nearest points found so far, while that goes fast."""
+    """Improve the nearest points found so far, in rounds of `approach`, while rounds gain enough.
+
+    `found` is scratch for sixteen float32.
+    """
     progress = state.progress[0]
     least = least_open(state.open, state)
     steps = _QUERY

@@ -1,11 +1,11 @@
-"""Pairs of volumes that were too far, and still are as long as the models have moved little since.
+"""Coherence: pairs of volumes that were too far still are if the models have moved little since.
 
-From one moment to the next a search mostly opens the same pairs of volumes, and finds little that
-is near under them. What it proved there, that nothing is nearer than some bound but for what is
-under some lanes, is kept with how far the models had moved by then. Later that bound holds less
-what they have moved since, and where it is still beyond the limit, the pair is not bounded anew: it
-is done with, or those lanes are open at once. Each search remembers its nearest triangles
-separately (Larsen et al. 1999, section 6.2).
+From one tick to the next, a search mostly opens the same pairs of volumes and finds little that is
+near under them. Opening a pair proves that everything under it is at least as far as some bound,
+except what is under a few lanes (the kept lanes). This bound is stored, together with how far the
+models had moved in total by then. Later, the bound minus the motion since then still holds. If that
+is still beyond the limit, the pair is not bounded again: it is done with, or its kept lanes are
+opened at once. The nearest triangles are remembered separately (Larsen et al. 1999, section 6.2).
 """
 
 from __future__ import annotations
@@ -24,14 +24,15 @@ from .stubs import push
 
 _LANES = (1 << WIDTH) - 1
 _FLIP = WIDTH
-"""The bits of `kept` that are lanes; and the one that tells that these are of tree a."""
+"""The bits of `kept` that are lanes; and the bit that is set if these are lanes of tree a."""
 
 
 @kernel
 def _spectral(d):
-    """No less than the spectral norm of a 3×3 matrix, given by rows, and 1.1 times it at most.
+    """Return an upper bound of a 3×3 matrix's spectral norm, at most 1.1 times it.
 
-    It is the fourth root of that of (DᵀD)², which is no larger than its Frobenius norm.
+    `d` holds the matrix D by rows. The norm is the fourth root of the norm of (DᵀD)², which is at
+    most the Frobenius norm of (DᵀD)².
     """
     a, b, c = (d[0], d[3], d[6]), (d[1], d[4], d[7]), (d[2], d[5], d[8])
     xx, yy, zz = dot(a, a), dot(b, b), dot(c, c)
@@ -44,7 +45,7 @@ def _spectral(d):
 
 @kernel
 def _displacement(tree, before, after):
-    """How far any point of a model moves at most, metres, from one motion to another."""
+    """Return an upper bound (m) of how far a model's points move from one motion to another."""
     x, y, z = scaled(row(tree.centres, 0), tree.scale[0])
     d = (
         after[0] - before[0], after[1] - before[1], after[2] - before[2],
@@ -61,11 +62,11 @@ def _displacement(tree, before, after):
 
 @kernel
 def travel(tree_a, tree_b, state, before, slack):
-    """Take note of how far the models moved relative to each other since the motions `before`.
+    """Record how far the models moved relative to each other since the motions `before`.
 
-    It is as much seen from either model; the smaller one turns less far out, so its bound is better
-    as a rule. `slack` is what the motions before erred by. Of a model that was refitted nothing is
-    known.
+    The displacement can be bounded in either model's frame. The bound from the smaller model's
+    points is usually better, because they are nearer to the axis of rotation. `slack` is the error
+    (m) of the motions before. If a model was refitted, forget all pairs.
     """
     progress, motions = state.progress[0], state.motions
     if progress.shape_a != tree_a.scale[REVISION] or progress.shape_b != tree_b.scale[REVISION]:
@@ -78,22 +79,22 @@ def travel(tree_a, tree_b, state, before, slack):
         distance = _displacement(tree_b, before[0], motions[0])
     distance += slack + progress.bound_slack
     progress.step = distance
-    # Rounded up, so that no sum of many becomes too small.
+    # Rounded up, so that the sum of many displacements is not too small.
     progress.travelled = (progress.travelled + distance) * (1.0 + TRAVEL_SHARE)
 
 
 @inlined
 def is_coherent(state):
-    """Whether the models have moved so little since the last search that its bounds may serve."""
+    """Return whether the models moved so little since the last search that its bounds may serve."""
     return remembers(state) and state.progress[0].step < 2.0 * state.progress[0].limit
 
 
 @inlined
 def near_under(state, a, b):
-    """The lanes below the lanes a and b that may be nearer than the limit, as far as is known.
+    """Return which lanes under the pair of lanes a, b may be nearer than the limit.
 
-    None, zero, where all is too far; SOME where nothing is known, or no longer. Returns also a
-    bound of them, metres.
+    The lanes are bits as in `FAR.kept`: zero if everything is too far; SOME if nothing is known or
+    what was known no longer holds. Returns also a lower bound of these lanes, metres.
     """
     key = a << 32 | b
     known = state.far[slot(mixed(EMPTY_HASH, key), state.far.shape[0])]
@@ -105,7 +106,7 @@ def near_under(state, a, b):
 
 @inlined
 def open_again(tree_a, tree_b, state, a, b, bound, kept):
-    """Open those lanes, which `near_under` tells; all of them are bounded by `bound`, metres."""
+    """Open the lanes `kept` that `near_under` returned; `bound` (m) is a lower bound of each."""
     flip = kept >> _FLIP
     node = np.int64(tree_a.children[a] if flip else tree_b.children[b])
     lanes = kept & _LANES
@@ -121,7 +122,7 @@ def open_again(tree_a, tree_b, state, a, b, bound, kept):
 
 @inlined
 def remember_far(state, a, b, flip):
-    """Keep what the opening of the lanes a and b has proven; `flip` where that was of a."""
+    """Store what opening the pair of lanes a, b has proven; `flip` if the lane of a was opened."""
     progress = state.progress[0]
     if progress.proven > 0.0 and progress.kept != SOME:
         key = a << 32 | b

@@ -1,10 +1,11 @@
 """The descent of the bounding volume test tree.
 
-Depth first (Larsen et al. 1999, sections 5.1 and 6): the pair whose bound is smallest comes first;
-or the nearest of all (queue.py), or level by level (levels.py). The larger volume of a pair is
-opened, or the one that promises more (promise.py), sixteen bounds at a time; two lowest nodes are
-dealt with in one go (cross.py). Where volumes overlap their bounds are negative, and the deepest
-comes first.
+Three orders exist: depth first (Larsen et al. 1999, sections 5.1 and 6), where the nearest pair of
+an opening comes first (stack.py); the nearest of all open pairs first (queue.py); and level by
+level (levels.py). To open a pair is to bound one of its volumes against the sixteen children of the
+other. The larger volume is opened, or the one that promises more (promise.py). A lowest node is one
+whose lanes are leaves; two lowest nodes are compared in one go (cross.py). If volumes overlap,
+their bounds are negative, and the deepest overlap comes first.
 """
 
 from __future__ import annotations
@@ -36,25 +37,27 @@ _ALL = (1 << WIDTH) - 1
 _CROSSED = WIDTH * WIDTH
 _FOUND = WIDTH + _CROSSED
 WAITING_ROOM = BATCH + _CROSSED
-"""Pairs of leaves that there is room for."""
+"""Room for waiting pairs of leaves."""
 
 _SURE = 0.9
-"""Share of the limit below which lanes are likely to be near again at the next moment. Of several
-that are less sure, one opening of their pair prunes as many as it takes openings of their own; a
-single one costs one opening either way."""
+"""Share of the limit below which lanes are likely to be near again in the next search. Several
+lanes that are less certain are not kept: opening their pair again costs one opening and may prune
+them all, while kept lanes cost one opening each. A single lane costs one opening either way."""
 
 _HOPE = 1.25
-"""How many times what a volume promises a bound may grow by: its parts promise something, too."""
+"""Most growth of a pair's bound, as a multiple of what a volume promises: its children promise
+something, too."""
 
 
 @inlined
 def open_pair(fixed, lane, tree, parent, motion, flip, state, inherited, scratch, n):
     """Bound one lane of the tree `fixed` against the sixteen under lane `parent` of `tree`.
 
-    The pairs that survive are open then; but pairs of leaves wait. `flip` says that `fixed` is tree
-    b, `inherited` is a bound of all pairs; where no leaves wait, KEPT are the lanes of those that
-    survive, if they are sure to soon again, LEAST is a bound of these, and PROVEN of the others.
-    Returns how many pairs are waiting then, of n before.
+    Surviving pairs become open; surviving pairs of leaves wait. `flip` says that `fixed` is tree b.
+    `inherited` is a lower bound of all sixteen pairs. If no leaves are added, `progress.kept` holds
+    the lanes of the surviving pairs if these are likely to survive again soon, else SOME;
+    `progress.least` is a lower bound of these lanes and `progress.proven` one of the others.
+    Returns how many pairs wait now; n waited before.
     """
     progress, waiting = state.progress[0], state.waiting
     found = scratch.found
@@ -108,7 +111,7 @@ def open_pair(fixed, lane, tree, parent, motion, flip, state, inherited, scratch
 
 @inlined
 def nearest_last(waiting, first, last):
-    """Bring the pair with the smallest bound of waiting[first:last] to their end."""
+    """Swap the pair with the smallest bound of waiting[first:last] to the end of this range."""
     lanes, bounds = waiting.lanes, waiting.bounds
     best = first
     for k in range(first + 1, last):
@@ -122,9 +125,9 @@ def nearest_last(waiting, first, last):
 
 @inlined
 def _open_next(tree_a, tree_b, state, coherent, larger, inner, n, steps, scratch):
-    """Look into the next open pair, if it is still of use; n pairs of leaves wait.
+    """Take the next open pair, and open it unless it is pruned; n pairs of leaves wait.
 
-    Returns how many wait then, and how many of the steps are left.
+    Returns how many pairs wait now, and how many of the steps are left.
     """
     progress, waiting = state.progress[0], state.waiting
     at = take(state.open, tree_a, tree_b, state)
@@ -135,8 +138,9 @@ def _open_next(tree_a, tree_b, state, coherent, larger, inner, n, steps, scratch
     a, b, bound = np.int64(pairs[at, 0]), np.int64(pairs[at, 1]), state.open.bounds[at]
     near = state.collected.shape[0] > 0 and bound >= progress.enough + 3.0 * progress.slack
     if near and progress.volumes:
-        # It may hold the minimum, and that is all that was asked. Contacts are pairs of triangles:
-        # rounding of what sweeps them may let a volume lie between ENOUGH and LIMIT.
+        # The pair may hold the minimum, and no more than that was asked. In searches for contacts
+        # `volumes` is False: contacts are pairs of triangles, and rounding of the swept radii may
+        # let a volume lie between `enough` and `limit`.
         collect(state, ~a, ~b, bound)
         return n, steps
     if coherent:
@@ -151,13 +155,14 @@ def _open_next(tree_a, tree_b, state, coherent, larger, inner, n, steps, scratch
     if child_a < 0 and child_b < 0:
         waiting.lanes[n, 0], waiting.lanes[n, 1], waiting.bounds[n] = a, b, bound
         return n + 1, steps
-    # Lane 0 of a lowest node, and of no other, holds a triangle.
+    # Lane 0 of a node holds a leaf only in a lowest node.
     lowest_a = child_a < 0 or tree_a.children[child_a * WIDTH] < 0
     lowest_b = child_b < 0 or tree_b.children[child_b * WIDTH] < 0
     size_a = tree_a.sizes[a, EXTENT] * tree_a.scale[0]
     size_b = tree_b.sizes[b, EXTENT] * tree_b.scale[0]
     if bound > 0.0 and lowest_a + lowest_b < inner:
-        # Apart: their bound grows by what one of them promises, if that may be enough.
+        # The volumes are apart: compare promises instead of sizes, if the bound may grow by one of
+        # them to the limit.
         promise_a = tree_a.sizes[a, PROMISE] * tree_a.scale[0]
         promise_b = tree_b.sizes[b, PROMISE] * tree_b.scale[0]
         if bound + _HOPE * max(promise_a, promise_b) >= progress.limit:
@@ -185,7 +190,8 @@ def _open_next(tree_a, tree_b, state, coherent, larger, inner, n, steps, scratch
                 remember_far(state, a, b, flip)
             return n, steps
         n = before
-    # Two lowest nodes together are the better bargain, unless one is far larger.
+    # Opening two lowest nodes together costs less. So open the volume that is not lowest first,
+    # unless the other is far larger.
     if lowest_a != lowest_b:
         size_a, size_b = (size_a, larger * size_b) if lowest_a else (larger * size_a, size_b)
     flip = child_b < 0 or (child_a >= 0 and size_a > size_b)
@@ -215,19 +221,20 @@ def advance(tree_a, tree_b, state):
     n = progress.waiting
     coherent = is_coherent(state)
     code = ENDED
-    # With a tolerance something nearer is worth more than a full batch, as it lowers the limit; and
-    # what is within a clearance, which is the limit then, is the answer. With a tolerance fewer
-    # leaves have to be looked at, so that two lowest nodes together are less of a bargain.
+    # Leaves are resolved in batches, except in two cases. With a tolerance, a nearer pair found
+    # early lowers the limit, which is worth more than a full batch. If a clearance is asked for
+    # (the limit is then the clearance), any pair within it is the answer. With a tolerance, also
+    # fewer leaves have to be compared, so opening two lowest nodes together saves less.
     tolerant = progress.rel_err + progress.abs_err > 0.0
     many = 1 if tolerant or progress.limit < enough(progress) else BATCH
     larger = 2.0 if tolerant else 4.0
-    # Next to a lowest node only size counts, so that two of them meet soon; but not where all that
-    # is asked for is a clearance.
+    # If one node of a pair is lowest, compare sizes only, so that two lowest nodes meet soon. If
+    # only a clearance is asked for, compare promises in this case, too.
     inner = 2 if progress.limit < enough(progress) else 1
     opens = False
     while True:
-        # Numba compiles what is called in the order in which it is written: this stands first, as
-        # of what follows other processes compile parts ahead.
+        # Numba compiles callees in the order of the calls in the source. This call stands first,
+        # because worker processes compile parts of the later calls ahead.
         if opens:
             n, steps = _open_next(tree_a, tree_b, state, coherent, larger, inner, n, steps, scratch)
         full = room > 0 and progress.collected + LARGEST * LARGEST * (n + _CROSSED) > room
@@ -242,7 +249,7 @@ def advance(tree_a, tree_b, state):
             come_nearer(tree_a, tree_b, state, scratch.found)
             steps -= min(steps, APPROACH_STEPS)
         steps -= min(steps, look_ahead(waiting, tree_a, tree_b, state))
-        # Where nothing is open any more, those that wait come first.
+        # If no pair is open any more, resolve the waiting pairs first.
         opens = not (n > 0 and progress.open == 0 and steps > 0)
         if not opens:
             continue

@@ -1,16 +1,18 @@
-"""The search level by level, of lower and upper bounds (Johnson and Cohen 1997, section 3.1.1).
+"""The search level by level, with lower and upper bounds (Johnson and Cohen 1997, section 3.1.1).
 
-All pairs of one level of the bounding volume test tree are bounded before any of the next. When a
-level begins, the nearest of its pairs gives an upper bound: the nearest two of the few vertices
-that are kept of either volume, spread out over it (spread.py).
+All pairs of one level of the bounding volume test tree are bounded before any pair of the next.
+When a level begins, its nearest pair gives an upper bound: the distance of the nearest two among a
+few vertices that are kept for each volume, spread out over it (spread.py).
 
-The pairs are listed in the order in which they were found, `pairs` being a ring: those from BASE to
-DEPTH, which count up without end, stand at their remainders by its length, a power of two.
+The pairs are listed in the order in which they were found. `pairs` is a ring buffer: pair numbers
+run from `progress.base` to `progress.open` and grow without limit; pair i is stored at i modulo the
+buffer's length, a power of two.
 
-A level may be large. While more than FULL pairs are listed, the last is taken, not the first: what
-is beyond FULL is a stack, and the search depth first until that is gone. So it is complete, and its
-memory bounded: an opening replaces one pair by at most sixteen, so the first to exceed FULL leaves
-no more than FULL + 15; then each level further down, of either model, leaves 15 at most behind.
+A level may be large. While more than `progress.full` pairs are listed, the last pair is taken
+instead of the first: the excess is a stack, and the search is depth first until it is gone. So the
+search is complete and its memory is bounded. An opening replaces one pair by at most sixteen, so
+the first one to exceed `full` leaves at most full + 15 pairs, and each further level of either
+model adds at most 15.
 """
 
 from __future__ import annotations
@@ -43,13 +45,13 @@ def _take(open_pairs, tree_a, tree_b, state):
 @implements(least_open, BreadthFirst)
 @inlined
 def _least(open_pairs, state):
-    # There may be a million of them.
+    # There may be a million open pairs: do not look at each.
     return state.progress[0].level_lower if state.progress[0].open > 0 else np.inf
 
 
 @kernel
 def _take_first(tree_a, tree_b, state):
-    """Take the first pair off the list, or the last where it is full; returns where it stands."""
+    """Take the first pair off the list, or the last one if the list is full; return its place."""
     progress = state.progress[0]
     if progress.open - progress.base > progress.full:
         progress.open -= 1
@@ -68,8 +70,8 @@ def _take_first(tree_a, tree_b, state):
 def _begin_level(tree_a, tree_b, state):
     """Begin the level that is listed.
 
-    What is listed was added since the last level began, and nothing that follows from a pair has a
-    smaller bound: so the least bound that was added is one of the whole rest of the search.
+    All listed pairs were added since the last level began, and no pair below another has a smaller
+    bound. So the least bound that was added is a lower bound of all the rest of the search.
     """
     progress = state.progress[0]
     progress.level_lower, progress.next_lower = progress.next_lower, np.inf

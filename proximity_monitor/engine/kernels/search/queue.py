@@ -1,11 +1,11 @@
-"""The pairs still to be looked at, nearest first: a bounded priority queue inside the stack.
+"""The open pairs, nearest first: bounded priority queues on a stack.
 
 Larsen et al. 1999, section 6.1: pairs are visited in the order of their bounds, in a queue of fixed
-size. When it is full its nearest pair is searched by a queue of its own on top, until that is
-empty: so the memory is bounded by the queue's size times the levels of both hierarchies.
+size. When the queue is full, its nearest pair is searched by a new queue on top, until that one is
+empty. So memory is bounded by the queue's size times the number of levels of both hierarchies.
 
-Entries base to DEPTH of `pairs` and `bounds` are the present queue, a binary heap; `frames` holds
-where the queues below it begin.
+Entries `progress.base` to `progress.open` of `pairs` and `bounds` are the present queue, a binary
+heap. `frames` holds where the queues below it begin.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from ..base.state import Priority
 from .stubs import least_open, push, take
 
 QUEUE = 256
-"""Pairs of a queue; the paper's is 200."""
+"""Most pairs of a queue; the paper's queue has 200."""
 
 
 @kernel
@@ -78,7 +78,7 @@ def _take_nearest(open_pairs, state):
         _swap(pairs, bounds, at, child)
         at = child
     if bounds[last] >= progress.limit:
-        progress.open = base  # and so are all others
+        progress.open = base  # all other pairs of this queue are pruned, too
         return -1
     if last - base >= QUEUE:
         frames[progress.frames] = base

@@ -1,8 +1,8 @@
 """The one search behind every question about two hierarchies.
 
-Exact, approximate, tolerance, collision and budgeted queries are stopping rules of one refinement.
-What has been found and what is still to do lives in `State`, so a search can be run in slices, cut
-at any moment with certified bounds, and resumed.
+Exact, approximate, tolerance, collision and budgeted queries differ only in the rule that stops the
+refinement. `State` holds what has been found and what is still to do. So a search can run in
+slices, stop at any moment with certified bounds, and resume.
 """
 
 from __future__ import annotations
@@ -63,22 +63,22 @@ from .stubs import (
 )
 
 KIND_A = KIND_B = ORDER = WAITING = None
-"""Other ones in each entry: see `answer_queries`."""
+"""Placeholders. Each compiled entry substitutes its own types; see `answer_queries`."""
 
 _POINTS, _FEATURES = (POINT_A, POINT_B), (FEATURE_A, FEATURE_B)
 _TREES, _RADII = (TREE_A, TREE_B), (RADIUS_A, RADIUS_B)
-"""Where an answer tells of the first and of the second model that was asked about."""
+"""Offsets in an answer of the fields about the first and the second model of the query."""
 
 _ONE_QUERY = 8
-"""Steps that a query takes as long as besides those of its descent."""
+"""Steps that the fixed cost of a query counts for, in addition to those of its descent."""
 
 
 @kernel
 def begin(tree_a, tree_b, state, pose_a, pose_b, query):
     """Start a search from the pair of elements that `state` remembers.
 
-    Their distance is the first upper bound (triangle caching, section 6.2). Returns CUT, or which
-    pose is no rigid motion.
+    Their distance is the first upper bound (triangle caching, Larsen et al. 1999, section 6.2).
+    Returns CUT, or BAD_POSE_A or BAD_POSE_B if that pose is no rigid motion.
     """
     motions, progress = state.motions, state.progress[0]
     error_a, error_b = deviation(pose_a), deviation(pose_b)
@@ -119,8 +119,9 @@ def begin(tree_a, tree_b, state, pose_a, pose_b, query):
     progress.level_lower, progress.next_lower = 0.0, 0.0
     ta, tb = progress.element_a, progress.element_b
     if 0.0 < last < np.inf:
-        # The points that were nearest are near each other still: a tenth of the time. Their
-        # distance errs by 8.5 u |a| + 14.9 u |b| + 5.5 u |t|, which SLACK covers.
+        # The points that were nearest are still near each other. Measuring them takes a tenth of
+        # the time that measuring their elements takes. Their distance errs by
+        # 8.5 u |a| + 14.9 u |b| + 5.5 u |t|, which `slack` covers.
         p, q = witness(tree_a, ta, progress.weights_a), witness(tree_b, tb, progress.weights_b)
         way = sub(moved(motions[0], q), p)
         wa, wb = progress.weights_a, progress.weights_b
@@ -141,10 +142,9 @@ def begin(tree_a, tree_b, state, pose_a, pose_b, query):
 def finish(tree_a, tree_b, labels_a, labels_b, state, pose_a, pose_b, turned, code, answer):
     """Write what is certain at this moment into `answer` (see state.py).
 
-    TURNED, tree b is that of the first model that was asked about.
-
-    The lower bound is the least of what was found, what was pruned and what is still to do. `code`
-    is what the search returned last.
+    The lower bound is the least of three: that of the distance found, of everything pruned, and of
+    everything still to do. If `turned`, tree b is that of the first model of the query. `code` is
+    the one that the search returned last.
     """
     progress = state.progress[0]
     certain = progress.distance - progress.slack
@@ -192,27 +192,29 @@ def answer_queries(
 ):  # fmt: skip
     """Answer the queries first, first + every, ... below last, with `steps` steps for all.
 
-    Each kind of pair and order has an entry made of this (see `specialised`), with the types of
-    both trees for KIND_A and KIND_B, of what is open for ORDER and of what waits for WAITING. Where
-    these types differ, a query's two models may come in either order.
+    Each kind of pair and each order has an entry made from this function (see `specialised`).
+    KIND_A and KIND_B become the types of both trees, ORDER the type of `State.open` and WAITING
+    that of `State.waiting`. If KIND_A and KIND_B differ, a query's models may come in either order.
 
     Args:
         models: (n, m, 2) the models' tables (see tables.py).
-        memory: that of a state whose room suffices for any two of them.
-        poses_a: (4 n, 4) model to world, one below the other.
-        poses_b: the same of the second models; the two may be one array.
-        asked: the table of one array (k,) QUERY; or (1,), asked about each next pair of poses.
-            Where elements to begin with do not exist, they are UNKNOWN.
-        first: where to begin; if not `fresh`, with the search that the state holds.
+        memory: the table of a state with room enough for any two of the models.
+        poses_a: (4 n, 4) poses of first models, model to world, one below the other.
+        poses_b: the same for second models; the two may be one array.
+        asked: the table of one array (k,) QUERY; or (1,), one query for all pairs of poses: its
+            pose indices increase by one from each pair to the next. Elements to start with that do
+            not exist count as UNKNOWN.
+        first: the first query; if not `fresh`, the state holds its search, which is resumed.
         last: one after the last query.
-        every: how far apart the queries of this call are.
-        steps: what a query may take in one go, and about how many all of them: so where a search
-            is interrupted, and which of several nearest pairs it finds, depends on it alone.
+        every: the distance between the queries of this call.
+        steps: the most that one query may take at a time, and about the most for all. So `steps`
+            alone determines where a search is interrupted, and which of several nearest pairs it
+            finds.
         fresh: whether the first query's search has not begun.
         answers: (k ANSWER,) written, one after the other.
 
     Returns:
-        ENDED and `last`; or another code and the query that it is about.
+        ENDED and `last`; or another code and the query to which it applies.
     """
     state = state_at(ORDER, WAITING, memory)
     (queries,) = queries_at(asked)
@@ -234,7 +236,7 @@ def answer_queries(
                 return CUT_BETWEEN, k
             left -= _ONE_QUERY
             ta, tb = query.nearest[i], query.nearest[j]
-            if ta != KEEP:  # what this state found last was about other models, perhaps
+            if ta != KEEP:  # what the state found last may be about other models
                 known = 0 <= ta < len(labels_a) and 0 <= tb < len(labels_b)
                 progress.element_a, progress.element_b = ta if known else 0, tb if known else 0
                 progress.distance = np.inf if known else 0.0

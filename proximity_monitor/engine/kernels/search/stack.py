@@ -1,4 +1,4 @@
-"""The pairs still to be looked at, depth first: a stack, the nearest of each opening on top."""
+"""The open pairs, depth first: a stack, with the nearest pair of each opening on top."""
 
 from __future__ import annotations
 

@@ -1,154 +1,154 @@
-"""What a kind of pair has to say for itself: stubs that the search calls and `pairs` implements.
+"""The parts of a search that depend on the kind of pair: stubs that `pairs` implements.
 
-A tree is of a type of its own for each kind of model. Numba sees from the types of two trees, when
-it compiles, which implementation is meant: so all else of the search is shared, and nothing is
-asked while it runs. A kind of pair implements each of these once, in the order in which its entry
-takes models of unlike kinds (see pairs/entries.py).
+Each kind of model has its own tree type. When numba compiles, it chooses the implementation by the
+types of the two trees. So all kinds share the rest of the search, and the choice costs nothing at
+run time. A kind of pair implements each stub once, for the order in which its entry takes models of
+different kinds (see pairs/entries.py).
 """
 
 from __future__ import annotations
 
 
 def slacks(tree_a, tree_b, apart, error):
-    """What rounding may do to a distance, and to a volume that was moved, metres.
+    """Return the rounding allowances (m) of a distance, and of a volume that was moved.
 
-    The distance is that of two elements, or of two points of theirs as `witness` returns them.
-
-    The models' origins are `apart` metres apart, and `error` is how far the poses are from rigid.
+    The distance is that of two elements, or of two of their points as `witness` returns them. The
+    models' origins are `apart` metres apart. `error` is the sum of both poses' `deviation`.
     """
 
 
 def lane_bounds(fixed, tree, lane, motion, node, slack, reach, inherited, scratch):
     """Bound one lane of the tree `fixed` against the sixteen of a node of `tree`.
 
-    Writes sixteen lower bounds in the units of `tree` to scratch.found; those of empty lanes are
+    Writes sixteen lower bounds, in the units of `tree`, to scratch.found. Those of empty lanes are
     beyond every distance, and bounds above `reach` need not be tight. `motion` moves `fixed` into
-    the frame of `tree`, and errs by `slack` metres. Returns a lower bound of all pairs, metres:
-    `inherited` is one.
+    the frame of `tree`, and errs by `slack` metres. `inherited` is a lower bound of all pairs;
+    returns one that is as good or better, metres.
     """
 
 
 def cross_leaves(tree, fixed, node, lane, motion, flip, state, inherited, limit, scratch, n):
     """Append to state.waiting the pairs of leaves of two lowest nodes that may be below `limit`.
 
-    One is of the node `node` of `tree`, the other of that under `lane` of `fixed`; `motion` moves
-    the former into the latter's frame, `flip` says that `tree` is b. `inherited` is a bound of all
-    pairs; where none is left, PROVEN is as good a one or better. Returns how many pairs are waiting
-    then, of n before; or -1 to have them opened one by one.
+    One lowest node is `node` of `tree`, the other is the node under `lane` of `fixed`. `motion`
+    moves `tree` into the frame of `fixed`. `flip` says that `tree` is b. `inherited` is a lower
+    bound of all pairs. If no pair is left, `progress.proven` becomes a bound that is as good or
+    better. Returns how many pairs wait now (n waited before), or -1 if the caller must open the
+    lanes one by one.
     """
 
 
 def measure(tree_a, tree_b, state, a, b, bound):
-    """Find the distance of two elements, metres, and keep their points where they are nearest.
+    """Find the distance (m) of two elements, and keep their nearest points if they are the nearest.
 
-    Of elements that are divided, that of two points that are near each other. `bound` is a lower
-    bound of it: where it is positive, they certainly do not cross.
+    For elements that are divided, take the distance of two points that are near each other. `bound`
+    is a lower bound of the distance. If it is positive, the elements certainly do not cross.
     """
 
 
 def resolve(tree_a, tree_b, state, n, steps, scratch):
     """Compare the elements of some of the last of n waiting pairs of leaves.
 
-    Those that are near enough to matter are measured, and collected where that is asked for.
-    Returns how many pairs wait, and how many steps are left: of either, or both, fewer than before.
+    Measure the elements that are near enough to matter, and collect them if that is asked for.
+    Returns how many pairs wait and how many steps are left; at least one of these is lower than
+    before.
     """
 
 
 def guess(tree_a, tree_b, state):
-    """Measure two elements that may well be near each other, where none are known and it is cheap.
+    """Guess two elements that are probably near each other, if that is cheap, and measure them.
 
-    They are kept where they are nearer than those found so far.
+    Keep them if they are nearer than those found so far.
     """
 
 
 def approach(tree_a, tree_b, state, steps, found):
     """Measure the element of b nearest to the nearest point of a, then one of a in the same way.
 
-    Each is looked for in so many steps at most; `found` is room for sixteen float32.
+    Look for each in at most `steps` steps. `found` is scratch for sixteen float32.
     """
 
 
 def sample(tree_a, tree_b, state, a, b):
-    """Keep the nearest two of a few points of two volumes, where nothing nearer is known.
+    """Measure a few points of two volumes, and keep the nearest two if nothing nearer is known.
 
-    Their distance errs by no more than what `slacks` says. Only a search by levels asks for this.
+    Their distance errs by no more than `slacks` returns. Only a search by levels calls this.
     """
 
 
 def witness(tree, element, weights):
-    """The point of an element that `weights`, three numbers, tell of; metres, the tree's frame."""
+    """Return the point of an element given by `weights` (three numbers); metres, tree's frame."""
 
 
 def parameters(tree, element, weights):
-    """What an answer says of where these weights are: three numbers, as `Feature.parameters`."""
+    """Return three numbers for an answer that locate the weights, as `Feature.parameters`."""
 
 
-# What differs by whether elements are divided, and so by the type of what waits.
+# These depend on whether elements are divided, and so on the type of `State.waiting`.
 
 
 def resolution(waiting, tree_a, tree_b, slack):
-    """Metres by which the upper bound of an exact answer may exceed the bounds that prune.
+    """Return by how many metres the upper bound of an exact answer may exceed the pruning bounds.
 
-    0 where elements are measured as a whole. `slack` is what rounding may do to a distance.
+    This is 0 if elements are measured as a whole. `slack` is the rounding allowance of a distance.
     """
 
 
 def prepare(waiting, tree_a, tree_b, state):
-    """Make what waits in a state ready for another search."""
+    """Make `state.waiting` ready for another search."""
 
 
 def settle(waiting, tree_a, tree_b, state):
-    """Move the nearest points, those of the search before, to where they are nearest now.
+    """Move the nearest points of the search before to where the elements are nearest now.
 
-    Where elements are measured as a whole that is found out soon enough, but for searches with a
+    If elements are measured as a whole, the search finds these points soon enough, except with a
     tolerance: see `approach.renew`.
     """
 
 
 def compare(waiting, tree_a, tree_b, state, a, b):
-    """Take up two elements, whose nearest points are asked for alone; they have been measured."""
+    """Take up the only two elements that the query is about; they have been measured already."""
 
 
 def divide(waiting, tree_a, tree_b, state, steps):
-    """Compare the parts of elements that are divided, when all other pairs are dealt with.
+    """Compare the parts of elements that are divided, after all other pairs are dealt with.
 
-    Where all that may be nearest is collected, these pairs stay.
+    If everything that may be nearest is collected, these pairs stay.
     Returns ENDED, CUT or CELLS_FULL, and how many of the steps are left.
     """
 
 
 def look_ahead(waiting, tree_a, tree_b, state):
-    """Find out, where a search is not a short one, what dismisses many pairs of volumes together.
+    """Look for something that dismisses many pairs of volumes at once, unless the search is short.
 
     Returns the steps that it took; 0 in most calls.
     """
 
 
 def open_whole(waiting, tree_a, tree_b, state, a, b, bound, scratch):
-    """Open a pair of a model as a whole and a volume of the other, where there is a way of its own.
+    """Open a pair of a whole model and a volume of the other, if its kind has a special way.
 
-    The pairs that survive are open then. Returns whether the pair is dealt with, and the steps that
-    it took.
+    Surviving pairs become open. Returns whether the pair is dealt with, and the steps that it took.
     """
 
 
 def least_undivided(waiting, progress):
-    """The least bound of all pairs of parts that wait, or could not be compared, metres."""
+    """Return the least bound (m) of all pairs of parts that wait or could not be compared."""
 
 
-# How a search keeps the pairs of volumes that are open: each order implements these.
+# Each order of the search implements these: they keep the open pairs of volumes.
 
 
 def push(open_pairs, state, first, top, a, b, bound):
-    """Add a pair of lanes to the open ones, of which there are `top`.
+    """Add a pair of lanes to the `top` open pairs; pairs from `first` on are of the same opening.
 
-    Those from `first` on came from the same opening.
+    `bound` (m) is the lower bound of the pair.
     """
 
 
 def take(open_pairs, tree_a, tree_b, state):
-    """Take the next pair; returns its place, or -1 where it is pruned."""
+    """Take the next pair; return its place, or -1 if it is pruned."""
 
 
 def least_open(open_pairs, state):
-    """The least bound of all pairs that are open, metres; infinity where none is."""
+    """Return the least bound (m) of all open pairs; infinity if none is open."""

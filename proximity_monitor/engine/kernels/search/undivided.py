@@ -1,4 +1,4 @@
-"""Elements that are measured as a whole, as triangles are: nothing is left to divide."""
+"""The stubs for elements that are measured as a whole, such as triangles: nothing is divided."""
 
 from __future__ import annotations
 

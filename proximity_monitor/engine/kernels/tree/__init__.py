@@ -1,1 +1,1 @@
-"""How a hierarchy is built from triangles."""
+"""How a hierarchy is built and fitted: its structure, its volumes, and their layout in memory."""

@@ -1,4 +1,4 @@
-"""Axes to fit a volume along: principal axes of points, and those along a side of a leaf."""
+"""Axes along which a volume is fitted: principal axes of points, or axes along a leaf's side."""
 
 from __future__ import annotations
 
@@ -10,26 +10,29 @@ from ..base.vectors import along, cross, dot, scaled, sub
 from ..tree.layout import row
 
 _SHORTEST = 1e-200
-"""Square, in node units, of a vector that is divided by its length. One below 1e-308 has lost
-digits, and what was divided by its root is no unit vector, which the margins suppose."""
+"""Least squared length, in node units, of a vector that is normalised. A square below 1e-308 has
+lost digits, and dividing by its root does not give a unit vector, which the margins assume."""
 
 _NEEDLE = 1e-24
-"""Square of a leaf's area, as a share of its longest side to the fourth, that is only noise."""
+"""Squared area of a leaf, divided by its longest side to the fourth power, below which the leaf's
+normal is only rounding noise."""
 
 _UPRIGHT = 1e-8
-"""Square of a side in its leaf's plane, as a share of the side's own, that is only noise."""
+"""Squared length of a side's projection into its leaf's plane, as a share of the side's squared
+length, below which the projection is only rounding noise."""
 
 _LONGER = 0.01
-"""Share by which a rectangle may be larger along a longer side: those of one triangle are the same.
-"""
+"""Share by which a rectangle along the longest side may be larger and still be preferred: around a
+single triangle, the rectangles along all sides have the same area."""
 
 
 @kernel
 def eigenvectors(xx, xy, xz, yy, yz, zz):
-    """Orthonormal eigenvectors of a symmetric matrix, largest eigenvalue first, by cyclic Jacobi.
+    """Return orthonormal eigenvectors of a symmetric matrix, largest eigenvalue first.
 
-    Returns three tuples. Convergence is quadratic: eight sweeps are ample for 3×3; axes that have
-    not settled would still be orthonormal, and only the fit would be looser.
+    They are three tuples, computed by cyclic Jacobi sweeps. Convergence is quadratic: eight sweeps
+    are ample for 3×3. Axes that had not converged would still be orthonormal; only the fit would be
+    looser.
     """
     a = table_on_stack(3, 3, 0.0)
     a[0, 0], a[0, 1], a[0, 2] = xx, xy, xz
@@ -63,7 +66,7 @@ def eigenvectors(xx, xy, xz, yy, yz, zz):
 
 @kernel
 def _rotate(a, v, p, q):
-    """One Jacobi rotation that makes a[p, q] zero (Golub and Van Loan, algorithm 8.4.1)."""
+    """Apply one Jacobi rotation that makes a[p, q] zero (Golub and Van Loan, algorithm 8.4.1)."""
     theta = (a[q, q] - a[p, p]) / (2.0 * a[p, q])
     t = 1.0 / (abs(theta) + np.sqrt(theta * theta + 1.0))
     if theta < 0.0:
@@ -82,7 +85,10 @@ def _rotate(a, v, p, q):
 
 @kernel
 def axes_of_points(points, n):
-    """Principal axes of points[:n], longest first (section 4.1: mean and covariance)."""
+    """Return the principal axes of points[:n], longest first.
+
+    They come from mean and covariance (Larsen et al. 1999, section 4.1).
+    """
     mx = my = mz = 0.0
     for i in range(n):
         mx += points[i, 0]
@@ -103,10 +109,11 @@ def axes_of_points(points, n):
 
 @kernel
 def axes_of_leaf(points, n):
-    """Axes of a leaf of outline points[:n], n >= 3: along one of its sides, in its plane.
+    """Return axes of a leaf with outline points[:n], n >= 3.
 
-    That side is taken whose rectangle is smallest: around two triangles that make a rectangle, or
-    nearly so, it is no larger than they are.
+    The first is along a side, the second in the leaf's plane, the third is its normal. The side is
+    the one whose bounding rectangle is smallest. Around two triangles that form a rectangle, or
+    nearly so, the bounding rectangle is no larger than the triangles.
     """
     longest, first = 0.0, (1.0, 0.0, 0.0)
     for i in range(n):
@@ -117,15 +124,15 @@ def axes_of_leaf(points, n):
     if longest <= _SHORTEST:
         return (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
     first = scaled(first, 1.0 / np.sqrt(longest))
-    # Of four points the product of the diagonals.
+    # For four points, the normal is the product of the diagonals.
     p, q = sub(row(points, 2), row(points, 0)), sub(row(points, n - 1), row(points, 1))
     normal = cross(p, q)
-    # Twice: the second time removes what rounding left along the side.
+    # Remove the component along the side twice: the second time removes what rounding left.
     normal = along(normal, first, -dot(normal, first))
     normal = along(normal, first, -dot(normal, first))
     length = dot(normal, normal)
     if length <= max(_NEEDLE * longest * longest, _SHORTEST):
-        # Its normal is rounding noise: any perpendicular of its long side serves.
+        # The leaf's normal is rounding noise: any vector perpendicular to its longest side serves.
         normal = cross(first, _least_aligned(first))
         normal = scaled(normal, 1.0 / np.sqrt(dot(normal, normal)))
         return first, cross(normal, first), normal
@@ -145,13 +152,13 @@ def axes_of_leaf(points, n):
 
 @kernel
 def _side(points, i, n):
-    """The side of an outline from a point to the next."""
+    """Return the side of an outline from point i to the next."""
     return sub(row(points, i + 1 if i + 1 < n else 0), row(points, i))
 
 
 @kernel
 def _area(points, n, u, v):
-    """Area of the rectangle around points[:n] along two axes."""
+    """Return the area of the rectangle around points[:n] along two axes."""
     low_s, high_s, low_t, high_t = np.inf, -np.inf, np.inf, -np.inf
     for i in range(n):
         d = sub(row(points, i), row(points, 0))
@@ -162,7 +169,7 @@ def _area(points, n, u, v):
 
 @kernel
 def _least_aligned(v):
-    """The coordinate direction that is farthest from parallel to v."""
+    """Return the coordinate direction that is farthest from parallel to v."""
     x, y, z = abs(v[0]), abs(v[1]), abs(v[2])
     if x <= y and x <= z:
         return (1.0, 0.0, 0.0)

@@ -1,7 +1,8 @@
-"""The smallest ball around points: exact but for rounding, by exchanging points of its boundary.
+"""The smallest ball around points: exact except for rounding, by exchanging boundary points.
 
-At most four points of the boundary define the smallest ball (Welzl 1991). The one that is farthest
-outside joins them, those that it makes superfluous leave, and the ball grows until all are inside.
+At most four points on the boundary define the smallest ball (Welzl 1991). The point that is
+farthest outside joins them, the points that it makes superfluous leave, and the ball grows until it
+holds all points.
 """
 
 from __future__ import annotations
@@ -13,22 +14,25 @@ from ..base.memory import table_on_stack
 from ..base.vectors import add, cross, dot, scaled, sub
 
 _ROUNDS = 32
-"""Exchanges after which the best ball so far is taken. Some ten suffice for 100,000 points."""
+"""Exchanges after which the best ball so far is taken. About ten suffice for 100,000 points."""
 
 
 @kernel
 def enclosing_ball(points, n):
-    """Centre of the smallest ball around points[:n]; of the smallest circle where they are flat."""
+    """Return the centre of the smallest ball around points[:n].
+
+    If the points lie in a plane, it is the centre of the smallest circle around them.
+    """
     basis = table_on_stack(5, 3, 0.0)
     basis[0, 0], basis[0, 1], basis[0, 2] = points[0, 0], points[0, 1], points[0, 2]
-    used, squared = np.int64(1), 0.0  # a literal would have helpers compiled twice
+    used, squared = np.int64(1), 0.0  # with a literal, helpers would be compiled twice
     centre = _at(points, 0)
     best, least = centre, np.inf
     for _ in range(_ROUNDS):
         farthest, outside = _farthest(points, n, centre)
         if farthest < least:
             best, least = centre, farthest
-        # Nothing lies outside, or what does is rounding.
+        # No point lies outside, except by rounding.
         if not farthest > squared * (1.0 + 1e-12):
             break
         for axis in range(3):
@@ -47,7 +51,7 @@ def _at(points, i):
 
 @kernel
 def _farthest(points, n, centre):
-    """Largest squared distance of points[:n] to a centre, and which point that is."""
+    """Return the largest squared distance of points[:n] from a centre, and which point has it."""
     farthest, which = -1.0, 0
     for i in range(n):
         d = sub(_at(points, i), centre)
@@ -59,18 +63,19 @@ def _farthest(points, n, centre):
 
 @kernel
 def _exchange(basis, used):
-    """Smallest ball around basis[:used + 1], whose last point lies on its boundary.
+    """Find the smallest ball around basis[:used + 1] that has the last (new) point on its boundary.
 
-    Keeps the at most four points that define it in front; returns how many, the centre and the
-    squared radius. Of all balls through the new point and some of the others, the smallest that
-    holds the rest is found by measuring each, so rounding cannot choose one that is too small.
+    Moves the at most four points that define the ball to the front of `basis`. Returns their
+    number, the centre and the squared radius. The ball is chosen among all balls through the new
+    point and some of the others. Each is given the radius that holds all points, as measured; so
+    rounding cannot choose a ball that is too small.
     """
     new = _at(basis, used)
     least, chosen, centre = np.inf, 0, new
     for mask in range(1, 1 << used):
         trial = _through(basis, used, mask, new)
         squared = _farthest(basis, used + 1, trial)[0]
-        # Where points coincide or lie on a line the trial is not finite, and compares as false.
+        # If points coincide or lie on a line, the trial is not finite, and the comparison is false.
         if squared < least:
             least, chosen, centre = squared, mask, trial
     kept = 0
@@ -84,9 +89,9 @@ def _exchange(basis, used):
 
 @kernel
 def _through(basis, used, mask, new):
-    """Centre of the smallest ball through a point and the one to three points of a mask.
+    """Return the centre of the smallest ball through a point and the one to three points of a mask.
 
-    Not finite where they do not define one, or are four.
+    It is not finite if the points do not define a ball, or if the mask has four points.
     """
     a = b = c = new
     count = 0

@@ -1,4 +1,4 @@
-"""Fitting a box to triangles: along given axes, and measured again from what was rounded."""
+"""Fitting a box to triangles along given axes, and measuring it again with the rounded axes."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from ..base.rounding import DOUBLE_EPS, SINGLE_EPS
 from ..base.vectors import cross, dot, scaled
 
 _FLOOR = 1.2e-38
-"""Node units: the smallest normal float32, which covers what would be flushed."""
+"""The smallest normal float32, node units: covers a subnormal result that is flushed to zero."""
 
 
 @kernel
 def box(points, n, first, second, third):
-    """Centre, two unit axes and half lengths along them of the box around points[:n].
+    """Return centre, two unit axes and half lengths along them of the box around points[:n].
 
-    The axes given are perpendicular; of the three the two along which the box is longest are
-    returned. The thickness along the other is for `box_extents` to measure.
+    The three given axes are perpendicular. The two along which the box is longest are returned.
+    `box_extents` measures the thickness along the third.
     """
     o = (points[0, 0], points[0, 1], points[0, 2])
     low_x = low_y = low_z = np.inf
@@ -44,11 +44,11 @@ def box(points, n, first, second, third):
 
 @kernel
 def box_extents(points, n, centre, u, v):
-    """Half lengths and half thickness, rounded up to float32, of a box that holds points[:n].
+    """Return half lengths and half thickness of a box that holds points[:n], rounded up to float32.
 
-    `u` and `v` are the axes as they were rounded, so they are not quite perpendicular: a point's
-    coordinates along u, v and w = u × v are its products with the dual axes. Those are v × w,
-    w × u and w over w·w, which is near 1.
+    `u` and `v` are the axes after rounding, so they are not quite perpendicular. A point's
+    coordinates along u, v and w = u × v are its products with the dual axes: v × w, w × u and w,
+    each divided by w·w, which is near 1.
     """
     w = cross(u, v)
     inverse = 1.0 / dot(w, w)
@@ -66,9 +66,9 @@ def box_extents(points, n, centre, u, v):
     # centre's own rounding, 1 for the difference, 3 for the product, and 12 for the dual axes
     # (1 in w, 6 in a product with it, 5 in the division by w·w).
     rounding = 32.0 * DOUBLE_EPS * (extent + size)
-    # A float32 is within u32 of its number: twice that is safely above. The rounded axes are not
-    # longer than 1 + u32, so w not longer than 1 + 3 u32: six times more of thickness, and the
-    # rectangle swept by it holds the points, too.
+    # A float32 is within u32 of its number, so 2 u32 more is safely above. The rounded axes are at
+    # most 1 + u32 long, so w is at most 1 + 3 u32 long. The thickness gets 6 u32 more, so that the
+    # rectangle swept by a ball of this radius holds the points, too.
     return (
         np.float32((a + rounding) * (1.0 + 2.0 * SINGLE_EPS) + _FLOOR),
         np.float32((b + rounding) * (1.0 + 2.0 * SINGLE_EPS) + _FLOOR),

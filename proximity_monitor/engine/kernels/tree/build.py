@@ -1,4 +1,8 @@
-"""Building the structure of a hierarchy, top down (Larsen et al. 1999, section 4.1)."""
+"""Building the structure of a hierarchy, top down (Larsen et al. 1999, section 4.1).
+
+A lowest node is one whose lanes are all leaves. A twin is a triangle that is drawn more than once,
+except for the first copy (see welding.py).
+"""
 
 from __future__ import annotations
 
@@ -11,18 +15,18 @@ from .layout import EMPTY, leaf
 
 @kernel
 def _lanes(n, most):
-    """How many lanes n leaves need, of which one can hold `most`."""
+    """Return how many lanes n leaves need if one lane can hold `most` leaves."""
     return (n + most - 1) // most
 
 
 @kernel
 def split(centroids, order, low, high, most):
-    """Reorder order[low:high] around the mean of the widest axis; returns the split position.
+    """Reorder order[low:high] around the mean along the widest axis; return the split position.
 
-    Where the mean leaves a side empty (all centroids equal) the middle does. Ranges of more than
-    a node's width are cut at a multiple of it, so that the lowest nodes are full; and at one of
-    `most`, what a lane can hold, where other parts would need a lane more: then the nodes above are
-    full as well, but for the topmost. Opening a node takes as long whatever it holds.
+    The split is moved from the mean to the nearest multiple of a node's width that leaves neither
+    side empty, so that the lowest nodes are full. If the two parts would then need one lane more
+    than necessary, it is moved to a multiple of `most`, which is what a lane can hold. So the nodes
+    above are full as well, except the topmost. Opening a node takes equally long whatever it holds.
     """
     lx = ly = lz = np.inf
     hx = hy = hz = -np.inf
@@ -58,7 +62,7 @@ def split(centroids, order, low, high, most):
 
 @kernel
 def _select(centroids, order, low, high, position, axis):
-    """Quickselect: the smallest (position - low) of order[low:high] come first."""
+    """Reorder order[low:high] so that the smallest (position - low) come first (quickselect)."""
     high -= 1
     while low < high:
         pivot = centroids[order[(low + high) // 2], axis]
@@ -82,12 +86,12 @@ def _select(centroids, order, low, high, position, axis):
 
 @kernel
 def _partition(centroids, order, low, apart, high, starts, ends):
-    """Cut order[low:high] into the ranges of one node's lanes; returns how many there are.
+    """Cut order[low:high] into the ranges of one node's lanes; return how many ranges there are.
 
-    The largest range is cut again until none exceeds what a lane can hold: all of them together,
-    no more than they have to, so that the levels below can be full. What stands from `apart` on
-    gets a lane of its own.
-    A range that fits into the lanes that are left is opened into single leaves; they stand last.
+    The largest range is cut repeatedly until none exceeds what a lane can hold. This capacity is
+    the least power of the width with which all lanes together hold the leaves, so that the levels
+    below can be full. Leaves from `apart` on get a lane of their own. A range that fits into the
+    lanes that are left is split into single leaves, which come last.
     """
     starts[0], ends[0] = low, apart
     lanes = WIDTH if apart == high else WIDTH - 1
@@ -118,7 +122,7 @@ def _partition(centroids, order, low, apart, high, starts, ends):
                 used += 1
             ends[k] = starts[k] + 1
         k += 1
-    # Ranges of several leaves come first: where lane 0 holds a leaf, all lanes do.
+    # Ranges of several leaves come first: if lane 0 holds a leaf, all lanes do.
     first = 0
     for k in range(used):
         if ends[k] - starts[k] > 1:
@@ -130,7 +134,7 @@ def _partition(centroids, order, low, apart, high, starts, ends):
 
 @kernel
 def _centroids(triangles, leaves, centroids):
-    """Three times the mean of each leaf's triangles' centres, into `centroids` (n, 3)."""
+    """Write three times the mean of the centres of each leaf's triangles to `centroids` (n, 3)."""
     for k in range(len(leaves)):
         for axis in range(3):
             total, count = 0.0, 0
@@ -143,9 +147,9 @@ def _centroids(triangles, leaves, centroids):
 
 @allocating
 def _in_order(leaves, order, children, m):
-    """Number the triangles by their leaves, and the leaves in `children` by their triangles.
+    """Order the triangles by their leaves, and write the leaves to `children` by their triangles.
 
-    Returns which of the caller's m triangles stands where in tree order.
+    Returns the caller's indices of the m triangles in tree order.
     """
     triangles, first = np.empty(m, np.int64), np.empty(len(leaves), np.int32)
     n = 0
@@ -168,11 +172,11 @@ def _in_order(leaves, order, children, m):
 def build_tree(triangles, leaves, distinct):
     """Build the structure of a hierarchy over `triangles` (m, 9), metres.
 
-    `leaves` (n, 2) says which of them share one, -1 for no second one. Those from `distinct` on,
-    which are of twins, stand apart from the others, below one lane of the topmost node.
+    `leaves` (n, 2) are the triangles of each leaf, -1 for no second one. Leaves from `distinct` on
+    are of twins. They are kept apart from the others, below one lane of the topmost node.
 
-    Returns children (int32, k × 16), order (m,) of the triangles from tree order to the caller's,
-    and how many levels lie below node 0, which holds the whole model as lane 0.
+    Returns children (int32, k × 16), the caller's indices (m,) of the triangles in tree order, and
+    how many levels lie below node 0, which holds the whole model as lane 0.
     """
     n = leaves.shape[0]
     capacity = 2 * _lanes(n, WIDTH) + 2
@@ -196,7 +200,7 @@ def build_tree(triangles, leaves, distinct):
         for lane in range(used):
             at = node * WIDTH + lane
             if ends[lane] - starts[lane] == 1:
-                children[at] = ~starts[lane]  # which leaf, for now
+                children[at] = ~starts[lane]  # the leaf's index in `order`; see `_in_order`
                 continue
             children[at] = count
             levels[count] = levels[node] + 1

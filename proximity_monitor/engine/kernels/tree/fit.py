@@ -1,12 +1,13 @@
 """Fitting a volume to triangles (Larsen et al. 1999, section 4.1).
 
-The axes come from the covariance of the vertices, those of a leaf from its sides (axes.py). A
-rectangle is shrunk by the radius along both sides and its corners grown back at 45 degrees; a line
-stands in the middle of the smallest circle around the vertices seen along it, shrunk by its caps; a
-point is the centre of the smallest ball. Boxes are in boxfit.py.
-None of that is trusted to contain anything: after rounding to float32 the radius is measured again
-from the rounded core to every vertex, and a volume is convex, so the triangles are inside whatever
-the fit did.
+A volume is a core (rectangle, line or point) swept by a ball, or a box (boxfit.py). The axes come
+from the covariance of the vertices, those of a leaf from its sides (axes.py). A rectangle is shrunk
+by the radius along both sides, and its corners are then grown back at 45 degrees. A line goes
+through the centre of the smallest circle around the vertices, seen along the line, and is shortened
+by its caps. A point is the centre of the smallest ball.
+
+Containment does not depend on the fit. After rounding to float32, the radius is measured again from
+the rounded core to every vertex. A volume is convex, so it then contains the triangles.
 """
 
 from __future__ import annotations
@@ -21,10 +22,10 @@ from .boxfit import box
 
 RSS = None
 LSS, PSS, HYBRID, OBB, AABB = 1, 2, 3, 4, 5
-"""Which volumes a hierarchy consists of: rectangle, line or point swept spheres, or of each node
-the one that its box's dimensions choose; from OBB on boxes, along the principal axes of what they
-hold or along the coordinate axes. Of the usual one numba sees at compile time that it is None, and
-leaves out the code of the others."""
+"""The volumes of a hierarchy: rectangle, line or point swept spheres; HYBRID: one of these three,
+chosen for each volume by the dimensions of its box; from OBB on: boxes along the principal axes of
+their content or along the coordinate axes. RSS, the usual one, is None: numba then sees the choice
+at compile time and leaves out the code of the others."""
 
 _SQRT_HALF = 0.7071067811865476
 _X, _Y, _Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
@@ -32,10 +33,10 @@ _X, _Y, _Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
 @kernel
 def core(points, n, axes, volume, local):
-    """Centre, unit axes and half lengths along them of the core of a volume around points[:n].
+    """Return the core of a volume around points[:n]: centre, unit axes and half lengths along them.
 
-    It is fitted along three given axes, but for point swept spheres and boxes along the coordinate
-    axes; `local` (n, 3) is scratch. Half lengths may vanish.
+    The core is fitted along three given axes, except for point swept spheres and boxes along the
+    coordinate axes. `local` (n, 3) is scratch. Half lengths may be 0.
     """
     first, second, normal = axes
     if volume is None:
@@ -45,7 +46,7 @@ def core(points, n, axes, volume, local):
 
 @kernel
 def _other_core(points, n, first, second, normal, volume, local):
-    """The core of another volume than RSS."""
+    """Return the core of a volume other than RSS."""
     if volume == AABB:
         return box(points, n, _X, _Y, _Z)
     if volume == OBB:
@@ -66,7 +67,7 @@ def _other_core(points, n, first, second, normal, volume, local):
 
 @kernel
 def extent(points, n, axis):
-    """How far points[:n] reach along an axis."""
+    """Return the length of points[:n] along an axis."""
     low, high = np.inf, -np.inf
     for i in range(n):
         x = dot((points[i, 0], points[i, 1], points[i, 2]), axis)
@@ -76,10 +77,11 @@ def extent(points, n, axis):
 
 @kernel
 def choice(x, y, z):
-    """The static rule of section 4.2: one dimension is larger than another from twice its length.
+    """Choose a volume by the static rule of section 4.2: PSS, LSS, or HYBRID for a rectangle.
 
-    A line needs two dimensions that are not only small but like each other: a flat strip, and so a
-    long triangle, fits a rectangle better. Returns PSS, LSS, or HYBRID for a rectangle.
+    A dimension counts as larger than another if it is more than twice as long. A line needs two
+    dimensions that are small and similar: a flat strip, such as a long triangle, fits a rectangle
+    better.
     """
     largest, smallest = max(x, y, z), min(x, y, z)
     middle = max(min(x, y), min(max(x, y), z))
@@ -92,7 +94,7 @@ def choice(x, y, z):
 
 @kernel
 def point(points, n, local):
-    """Core of a point swept sphere: the centre of the smallest ball around points[:n]."""
+    """Return the core of a point swept sphere: centre of the smallest ball around points[:n]."""
     o = (points[0, 0], points[0, 1], points[0, 2])
     for i in range(n):
         for axis in range(3):
@@ -102,7 +104,7 @@ def point(points, n, local):
 
 @kernel
 def line(points, n, first, second, normal, local):
-    """Core of a line swept sphere along `first` around points[:n]."""
+    """Return the core of a line swept sphere along `first` around points[:n]."""
     o = (points[0, 0], points[0, 1], points[0, 2])
     for i in range(n):
         d = (points[i, 0] - o[0], points[i, 1] - o[1], points[i, 2] - o[2])
@@ -112,7 +114,7 @@ def line(points, n, first, second, normal, local):
     for i in range(n):
         local[i, 1] = (local[i, 1] - y) ** 2 + (local[i, 2] - z) ** 2
         squared = max(squared, local[i, 1])
-    # A cap covers a point that lies less than w beyond the end of the line.
+    # A cap covers a point that lies at most w beyond the end of the line.
     low, high = np.inf, -np.inf
     for i in range(n):
         d = (points[i, 0] - o[0], points[i, 1] - o[1], points[i, 2] - o[2])
@@ -131,9 +133,9 @@ def line(points, n, first, second, normal, local):
 
 @kernel
 def rectangle(points, n, first, second, normal, local):
-    """Rectangle that encloses points[:n] but for a radius (section 4.1); returns as `core` does.
+    """Return, as `core` does, the rectangle of a swept sphere around points[:n] (section 4.1).
 
-    `local` (n, 3) is scratch: the points in the axes.
+    `local` (n, 3) is scratch: the points along the axes.
     """
     o = (points[0, 0], points[0, 1], points[0, 2])
     low_z, high_z = np.inf, -np.inf
@@ -189,10 +191,11 @@ def rectangle(points, n, first, second, normal, local):
 
 @kernel
 def enclosing_radius(points, n, centre, u, v, a, b):
-    """Radius, rounded up to float32, of the ball that swept over a core covers points[:n].
+    """Return the radius of the ball that, swept over a core, covers points[:n].
 
+    The radius is rounded up to float32.
     Any |s| <= a and |t| <= b give an upper bound of a point's distance to the rectangle, so the
-    projections need no exactness; the last line pays for the rounding of this very computation.
+    projections need not be exact. `rounding` covers the rounding of this computation.
     """
     worst = 0.0
     size = 0.0
@@ -209,6 +212,6 @@ def enclosing_radius(points, n, centre, u, v, a, b):
         size = max(size, abs(points[i, 0]) + abs(points[i, 1]) + abs(points[i, 2]))
     rounding = 16.0 * DOUBLE_EPS * (size + abs(centre[0]) + abs(centre[1]) + abs(centre[2]))
     radius = np.sqrt(worst) + rounding
-    # A float32 is within u32 of its number: twice that is safely above. The smallest normal
-    # float32 covers what would be flushed.
+    # A float32 is within u32 of its number, so 2 u32 more is safely above. The smallest normal
+    # float32 covers a subnormal result that is flushed to zero.
     return np.float32(radius * (1.0 + 2.0 * SINGLE_EPS) + 1.2e-38)

@@ -1,4 +1,4 @@
-"""Fitting the volumes of a hierarchy of surfaces, when it is built and whenever it was deformed."""
+"""Fitting the volumes of a hierarchy of surfaces, when it is built and after each deformation."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from .record import close_node, fit_lane, put_centre
 
 @allocating_entry
 def project(pieces, nets):
-    """The control points of pieces (m,) in space.
+    """Project the control points of pieces (m,) from homogeneous coordinates into space.
 
-    Returns them (n, 3), metres, each coordinate rounded once; and where those of each piece begin,
-    and the last ones end (m + 1,).
+    Returns the points (n, 3), metres, each coordinate rounded once; and where the points of each
+    piece begin, followed by the number of all points (m + 1,).
     """
     m = len(pieces)
     starts = np.empty(m + 1, np.int64)
@@ -40,10 +40,11 @@ def project(pieces, nets):
 
 @kernel
 def _enlarge(points, n, nodes, node, lane, sizes):
-    """Make a lane contain what the points stand for, which were rounded once.
+    """Enlarge a lane so that it contains the points as they were before rounding.
 
-    A point so moved by at most √3 u of its largest coordinate, which is less than 2 u of the sum of
-    its coordinates. The radius is rounded twice, and 2 u32 is more than it loses.
+    Rounding each coordinate once moved a point by at most √3 u of its largest coordinate, which is
+    less than 2 u of the sum of its absolute coordinates. The radius is rounded twice here; 2 u32 is
+    more than this can lose.
     """
     largest = 0.0
     for i in range(n):
@@ -57,11 +58,12 @@ def _enlarge(points, n, nodes, node, lane, sizes):
 
 @allocating_entry
 def fit_surface(points, starts, children, unit):
-    """Fit the volumes over pieces, in tree order, as `project` returns their control points.
+    """Fit the volumes over pieces in tree order; return the same as `fit_tree`.
 
-    A piece lies in the convex hull of its control points, for its weights are positive, and so in
-    whatever convex volume contains these. `children` (k × 16,) is the structure, each leaf one
-    piece; `unit` is that of the nodes, metres. Returns as `fit_tree` does.
+    `points` and `starts` are the control points as `project` returns them. A piece lies in the
+    convex hull of its control points, because its weights are positive, and so in every convex
+    volume that contains these. `children` (k × 16,) is the structure, with one piece per leaf;
+    `unit` is the node unit, metres.
     """
     inverse = 1.0 / unit  # a power of two, like the unit
     count = len(children) // WIDTH

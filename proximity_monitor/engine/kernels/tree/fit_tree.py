@@ -15,7 +15,7 @@ from .record import close_node, fit_lane, put_centre
 
 @allocating
 def _begins(ranges, m):
-    """Where ranges of triangles begin, and end, of m triangles (m + 1,)."""
+    """Mark where ranges of m triangles begin or end (m + 1,)."""
     begins = np.zeros(m + 1, np.bool_)
     for node in range(len(ranges)):
         begins[ranges[node, 0]] = begins[ranges[node, 1]] = True
@@ -24,10 +24,10 @@ def _begins(ranges, m):
 
 @allocating
 def _vertices_in_order(triangles, faces, begins, inverse, points, starts):
-    """Vertices in tree order, node units, into `points`; starts (m + 1,) where a triangle's are.
+    """Write the vertices in tree order, node units, to `points`, and where each triangle's begin.
 
-    Between two begins of ranges a vertex is written once, however many triangles share it: a third
-    of the points is left to fit to.
+    The latter go to starts (m + 1,). Between two marks in `begins`, a vertex is written once,
+    however many triangles share it. This leaves a third of the points to fit to.
     """
     m = triangles.shape[0]
     vertices = 0
@@ -51,7 +51,10 @@ def _vertices_in_order(triangles, faces, begins, inverse, points, starts):
 
 @kernel
 def _stranger(faces, t, s):
-    """Which corner of the triangle t is none of the triangle s, and how many there are; -1, 0."""
+    """Return the last corner of triangle t that s does not have, and how many such corners t has.
+
+    Returns -1 and 0 if there is none.
+    """
     found, count = -1, 0
     for i in range(3):
         vertex = faces[t, i]
@@ -69,9 +72,9 @@ def _put_corner(triangles, t, corner, inverse, points, n):
 
 @kernel
 def _outline(triangles, faces, child, inverse, points):
-    """The corners of a leaf, node units, in the order of its outline; returns how many.
+    """Write the corners of a leaf, node units, in the order of its outline; return how many.
 
-    Six, in any order, where two triangles have come apart that once had an edge in common.
+    There are six, in any order, if the leaf's two triangles no longer share an edge.
     """
     t, s = first_of(child), last_of(child)
     i, _ = _stranger(faces, t, s)
@@ -95,8 +98,8 @@ def _outline(triangles, faces, child, inverse, points):
 def fit_tree(triangles, faces, children, unit, volume):
     """Fit the volumes over `triangles` (m, 9), metres, in tree order.
 
-    `faces` (m, 3) names corners: those of one name are at one place. `children` (k × 16,) is the
-    structure; `unit` is that of the nodes, metres, and `volume` one of the codes in fit.py.
+    `faces` (m, 3) numbers the corners: those of equal number are at one place. `children` (k × 16,)
+    is the structure, `unit` is the node unit, metres, and `volume` is one of the codes in fit.py.
 
     Returns nodes (float32, flat), centres (k, 4) with each node's reach in node units, and sizes
     (float32, k × 16, 2).

@@ -1,4 +1,4 @@
-"""How large triangles are, and where."""
+"""Measures of a set of triangles: size and centre."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from ..base.memory import on_stack
 
 @entry
 def measure(corners, centre):
-    """Measures of triangles (m, 9); writes the centre (3,) of their box.
+    """Measure triangles (m, 9), and write the centre (3,) of their bounding box.
 
-    Returns the largest distance of a corner from it, the largest coordinate and the largest norm of
-    a corner.
+    Returns the largest distance of a corner from the centre, the largest absolute coordinate, and
+    the largest norm of a corner.
     """
     low, high = on_stack(3, np.inf), on_stack(3, -np.inf)
     for axis in range(3):

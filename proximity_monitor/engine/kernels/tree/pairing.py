@@ -1,7 +1,8 @@
-"""Which triangles share a leaf: neighbours across a long edge, where they are nearly flat together.
+"""Which triangles share a leaf: neighbours across a long edge that are nearly coplanar.
 
-Each triangle chooses the neighbour across its longest edge that is free; two that chose each other
-share a leaf, and the others choose again. Neighbours are so by place, whatever their indices.
+Each triangle chooses the free neighbour across its longest edge. Two that chose each other share a
+leaf; the others choose again. Triangles are neighbours if the places of an edge's ends are equal,
+whatever their vertex indices.
 """
 
 from __future__ import annotations
@@ -13,19 +14,20 @@ from ..base.jit import allocating, allocating_entry, kernel
 from .layout import LARGEST
 
 _FLAT = 0.9
-"""Cosine of the angle between two triangles' planes from which on they may share a leaf: more
-curved pairs make thicker volumes than they save."""
+"""Least cosine of the angle between the planes of two triangles that share a leaf. The volumes of
+more curved pairs are so thick that pairing does not pay."""
 
 _ROUNDS = 16
-"""How often the triangles that are left choose, at the most."""
+"""Most rounds in which the free triangles choose."""
 
 
 @allocating
 def _neighbours(faces, drawn):
-    """The edge (3 m,) at each edge of `faces` (m, 3), of another triangle; -1 where there is none.
+    """Return for each edge of `faces` (m, 3) the neighbouring triangle's edge (3 m,), -1 if none.
 
-    Edge 3 t + i leads from corner i of triangle t to the next. Where more than two triangles share
-    an edge, they are neighbours by twos. Twins, of which `drawn` (m,) is another one, have none.
+    Edge 3 t + i leads from corner i of triangle t to the next corner. If more than two triangles
+    share an edge, they become neighbours two by two. Twins (triangles t with `drawn[t] != t`) have
+    no neighbours.
     """
     count = 3 * faces.shape[0]
     size = slots_for(count)
@@ -46,14 +48,14 @@ def _neighbours(faces, drawn):
         if other >= 0 and across[other] < 0 and other // 3 != t:
             across[other], across[edge] = edge, other
         else:
-            # One of several that are the same waits for the next.
+            # This edge waits for the next one with the same ends.
             slots[at] = edge
     return across
 
 
 @kernel
 def _normal(triangles, t, inverse):
-    """Normal of a triangle, twice its area long."""
+    """Return the normal of a triangle; its length is twice the area, in squared node units."""
     ex = (triangles[t, 3] - triangles[t, 0]) * inverse
     ey = (triangles[t, 4] - triangles[t, 1]) * inverse
     ez = (triangles[t, 5] - triangles[t, 2]) * inverse
@@ -65,7 +67,7 @@ def _normal(triangles, t, inverse):
 
 @allocating
 def _lengths(triangles, across, inverse):
-    """Squared lengths of the edges (3 m,), node units; 0 where no leaf may reach across."""
+    """Return the squared lengths (3 m,) of the edges, node units; 0 if no leaf may reach across."""
     lengths = np.zeros(len(across))
     for edge in range(len(across)):
         if across[edge] < 0:
@@ -75,7 +77,7 @@ def _lengths(triangles, across, inverse):
         ab = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
         aa = a[0] * a[0] + a[1] * a[1] + a[2] * a[2]
         bb = b[0] * b[0] + b[1] * b[1] + b[2] * b[2]
-        # Either may be turned over. Not so where one of them is a needle without a normal.
+        # Either triangle may be turned over. The comparison is false for a needle without a normal.
         if ab * ab > _FLAT * _FLAT * aa * bb:
             for axis in range(3):
                 d = triangles[t, 3 * ((i + 1) % 3) + axis] - triangles[t, 3 * i + axis]
@@ -85,11 +87,11 @@ def _lengths(triangles, across, inverse):
 
 @allocating_entry
 def pair_up(triangles, faces, drawn, unit):
-    """The leaves over `triangles` (m, 9), metres.
+    """Return the leaves over `triangles` (m, 9), metres.
 
-    `faces` (m, 3) names vertices of equal place alike, `drawn` (m,) is as `first_drawn` returns it,
-    `unit` is that of the nodes, metres. Returns the triangles of each leaf (k, 2), -1 for no second
-    one; and how many leaves come before those of twins, each of which stands alone.
+    `faces` (m, 3) gives vertices at one place the same number, `drawn` (m,) is as `first_drawn`
+    returns it, and `unit` is the node unit, metres. Returns the triangles of each leaf (k, 2), -1
+    for no second one; and how many leaves come before those of twins. A twin has a leaf of its own.
     """
     m = faces.shape[0]
     across = _neighbours(faces, drawn)
@@ -108,11 +110,12 @@ def pair_up(triangles, faces, drawn, unit):
                 length = lengths[edge]
                 if length == 0.0 or length < longest or mate[across[edge] // 3] >= 0:
                     continue
-                # Of edges as long the same one from either side, so that no ring of choices arises.
+                # Among edges of equal length, both sides prefer the same one, so that choices do
+                # not form a cycle.
                 first = min(edge, across[edge])
                 if length > longest or first > number:
                     longest, number, chosen[t] = length, first, across[edge] // 3
-        # Who chose nobody has nobody left to choose.
+        # A triangle that chose none has no free neighbour left, so it drops out.
         before, n = left, 0
         for k in range(before):
             t = free[k]

@@ -1,11 +1,13 @@
-"""What opening a volume promises: how much closer around the model its children lie.
+"""What opening a volume promises: how much more tightly its children enclose the model.
 
-A search opens one volume of a pair. Where the two are apart, their bound can grow by what the
-volume stands off its children, and not by more: so that one is opened which stands off farther,
-however large it is. A rectangle around the cap of a sphere stands off by the height of the cap; the
-whole sphere lies in a ball that is as tight as can be, and its parts do worse.
+A search opens one volume of a pair. If the two volumes are apart, their bound can grow by at most
+the distance by which the opened volume stands off its children. So the volume that stands off
+farther is opened, whatever its size. A rectangle around the cap of a sphere stands off by the
+height of the cap. The ball around a whole sphere is as tight as possible, and its children are less
+tight.
 
-No bound depends on any of this, so single precision and a few points of the surface will do.
+No bound depends on the promises, so single precision and a few points of the volume's surface
+suffice.
 """
 
 from __future__ import annotations
@@ -39,18 +41,18 @@ from .layout import (
 )
 
 _SHARE = 0.04
-"""Share of a volume's extent that counts as well. Of two volumes that stand off alike the larger is
-opened: without it spheres far apart take four times as many openings, with twice as much of it
-concentric spheres three times as many."""
+"""Share of a volume's extent that is added to its promise, so that the larger of two volumes that
+stand off equally is opened. Without it, spheres that are far apart take four times as many
+openings. With twice this share, concentric spheres take three times as many."""
 
 _ALL = (1 << WIDTH) - 1
 
 
 @loop16
 def _outside(nodes, base, x, y, z, found):
-    """How far a point lies outside each lane of a node, at least about, in node units.
+    """Write how far, approximately, a point lies outside each lane of a node, in node units.
 
-    Below zero inside; `x`, `y`, `z` are from the node's centre.
+    Negative means inside. `x`, `y`, `z` are relative to the node's centre.
     """
     for k in range(WIDTH):
         i = base + uint64(k)
@@ -66,7 +68,10 @@ def _outside(nodes, base, x, y, z, found):
 
 @kernel
 def _stand_off(nodes, centres, node, lane, child, found):
-    """How far a volume's two flat faces stand off its children, the mean of nine points of each."""
+    """Return how far a volume's two flat faces stand off its children, in node units.
+
+    This is the mean over nine points of each face.
+    """
     base = uint64(node * STRIDE + lane)
     u, v = read_vector(nodes, base + U_X), read_vector(nodes, base + V_X)
     w = cross(u, v)
@@ -91,7 +96,7 @@ def _stand_off(nodes, centres, node, lane, child, found):
 
 @kernel
 def find_promises(nodes, centres, children, sizes):
-    """Complete the `sizes` (k × 16, 2) of a hierarchy whose volumes are fitted."""
+    """Write the promises to `sizes` (k × 16, 2) of a hierarchy whose volumes are fitted."""
     found = on_stack(WIDTH, np.float32(0.0))
     for lane in range(len(children)):
         promise = _SHARE * np.float64(sizes[lane, EXTENT])

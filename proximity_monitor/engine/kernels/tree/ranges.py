@@ -1,4 +1,4 @@
-"""Which triangles stand under each node: a range of them, in tree order."""
+"""Which triangles are under each node: a range in tree order."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from .layout import EMPTY, first_of, last_of
 
 @allocating_entry
 def node_ranges(children):
-    """First triangle, in tree order, and the one after the last under each node (int32, k × 2)."""
+    """Return the first triangle under each node and the one after the last (int32, k × 2)."""
     k = children.shape[0] // WIDTH
     ranges = np.empty((k, 2), np.int32)
     for node in range(k - 1, -1, -1):  # a node stands before its children

@@ -1,4 +1,4 @@
-"""Writing a node: its lanes, each a volume rounded to float32, and how far they reach."""
+"""Writing a node: its lanes, each a volume rounded to float32, and its reach."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def fit_lane(points, n, axes, volume, local, nodes, centre, node, lane, sizes):
 
 @kernel
 def put_centre(points, centre):
-    """The middle of the box around points (n, 3), as a node's centre."""
+    """Write the middle of the box around points (n, 3) to a node's `centre`."""
     for axis in range(3):
         low, high = np.inf, -np.inf
         for i in range(len(points)):
@@ -50,7 +50,7 @@ def put_centre(points, centre):
 
 @kernel
 def put(nodes, base, vector):
-    """Write three consecutive fields of a lane."""
+    """Write three consecutive fields of a lane, rounded to float32."""
     nodes[base + CENTRE_X] = np.float32(vector[0])
     nodes[base + CENTRE_Y] = np.float32(vector[1])
     nodes[base + CENTRE_Z] = np.float32(vector[2])
@@ -58,7 +58,7 @@ def put(nodes, base, vector):
 
 @kernel
 def write_radius(points, n, volume, nodes, centre, node, lane, sizes):
-    """Complete a lane whose core stands: its radius and its size; or a box's three extents."""
+    """Write the radius and size of a lane whose core is written; for a box, all three extents."""
     base = uint64(node * STRIDE + lane)
     c = (
         centre[0] + nodes[base + CENTRE_X],
@@ -80,7 +80,7 @@ def write_radius(points, n, volume, nodes, centre, node, lane, sizes):
 
 @kernel
 def close_node(nodes, node, used, centres):
-    """Empty a node's unused lanes, and note how far its used ones reach from its centre."""
+    """Mark a node's unused lanes as empty, and write the reach of its used lanes to `centres`."""
     extent = 0.0
     for lane in range(used):
         base = uint64(node * STRIDE + lane)
@@ -90,6 +90,6 @@ def close_node(nodes, node, used, centres):
         extent = max(extent, reach)
     for lane in range(used, WIDTH):
         nodes[uint64(node * STRIDE + lane) + RADIUS] = np.float32(EMPTY_RADIUS)
-    # The sum of a centre's absolute coordinates is at least its length; the factor pays for the
+    # The sum of a centre's absolute coordinates is at least its length. The factor covers the
     # rounding of the sum and of the axes' lengths.
     centres[node, 3] = extent * (1.0 + 1e-6)

@@ -1,4 +1,4 @@
-"""A few vertices of each node that are far apart."""
+"""A few vertices of each node that are far apart, for the search by levels."""
 
 from __future__ import annotations
 
@@ -11,10 +11,11 @@ from .layout import EMPTY, LARGEST, WIDTH, first_of, last_of
 
 @allocating_entry
 def spread_corners(triangles, children):
-    """Four vertices under each node that are far apart, as 3 triangle + corner (int32, k × 4).
+    """Return four vertices under each node that are far apart (int32, k × 4).
 
-    They are chosen from those of the nodes below, of a lowest node from all. Each is the farthest
-    from those before it, the first the farthest from any.
+    Each is given as 3 triangle + corner. They are chosen among those of the child nodes and all
+    vertices of leaves. Each is the farthest from those chosen before it; the first is the farthest
+    from an arbitrary vertex.
     """
     k = children.shape[0] // WIDTH
     spread = np.empty((k, KEPT), np.int32)
@@ -43,9 +44,9 @@ def spread_corners(triangles, children):
 
 @kernel
 def _farthest(corners, candidates, n, last, nearest):
-    """Which of n candidates is farthest from its nearest chosen one, `last` being chosen now.
+    """Return which of n candidates is farthest from its nearest chosen one; `last` is the latest.
 
-    `nearest` holds squared distances from those chosen before.
+    `nearest` holds the squared distances from the nearest chosen before, and is updated.
     """
     best = 0
     at = candidates[last]

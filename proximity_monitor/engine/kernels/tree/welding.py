@@ -1,8 +1,8 @@
-"""Welding: vertices with equal coordinates, and triangles that are drawn more than once.
+"""Welding: vertices with equal coordinates, and triangles that are drawn more than once (twins).
 
-An STL file gives each triangle corners of its own. By coordinates, not by index, they are the same
-mesh as any other. And copies of a triangle are all equally near, so a search for the nearest needs
-only one of them.
+In an STL file, each triangle has its own corners. Identifying corners by coordinates instead of by
+index gives a connected mesh. All copies of a triangle are equally near, so a search for the nearest
+needs only one of them. A twin is any copy except one.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from .layout import EMPTY, first_of, last_of
 
 @allocating_entry
 def first_equal(bits):
-    """For each vertex the first one with the same coordinates, (n,) int32.
+    """Return for each vertex the first one with the same coordinates, (n,) int32.
 
     Args:
-        bits: (n, 3) int64; the coordinates bit by bit, none of them a negative zero.
+        bits: (n, 3) int64; the bits of the coordinates, none of which is a negative zero.
     """
     n = bits.shape[0]
     size = slots_for(n)
@@ -43,7 +43,7 @@ def first_equal(bits):
 
 @kernel
 def _places_of(faces, t):
-    """The vertices of a triangle in ascending order, the second one of a segment's ends twice."""
+    """Return the vertices of a triangle in ascending order; for a segment, its higher end twice."""
     a, b, c = faces[t, 0], faces[t, 1], faces[t, 2]
     low, high = min(min(a, b), c), max(max(a, b), c)
     middle = max(min(a, b), min(max(a, b), c))
@@ -52,10 +52,10 @@ def _places_of(faces, t):
 
 @allocating_entry
 def first_drawn(faces):
-    """For each triangle the first one that has the same vertices, in any order, (m,) int32.
+    """Return for each triangle the first one with the same vertices in any order, (m,) int32.
 
     Args:
-        faces: (m, 3) int32; vertices of equal coordinates have one number.
+        faces: (m, 3) int32; vertices of equal coordinates have the same number.
     """
     m = faces.shape[0]
     size = slots_for(m)
@@ -74,16 +74,16 @@ def first_drawn(faces):
 
 @allocating_entry
 def without_twins(nodes, children, faces, twins):
-    """The volumes of a hierarchy, without those that hold nothing but twins, as `nodes`.
+    """Return a copy of `nodes` in which volumes that hold only twins are like unused lanes.
 
-    A twin lies on another triangle, which stands elsewhere. Its volume becomes like that of an
-    unused lane, which no search reaches; the structure stays, for the two may come apart.
+    A twin lies on another triangle, which is elsewhere in the tree. No search reaches an unused
+    lane. The structure stays, because a deformation may separate the two triangles.
 
     Args:
         nodes: (float32, flat) all the volumes.
         children: (int32, k × 16) the structure.
-        faces: (m, 3) int32 in tree order, vertices of equal place named alike.
-        twins: (n, 2) int32, in tree order: a triangle that may be a twin, and on which other one.
+        faces: (m, 3) int32 in tree order; vertices at one place have the same number.
+        twins: (n, 2) int32, in tree order: a triangle that may be a twin, and the one it lies on.
     """
     nodes = nodes.copy()
     twin = np.zeros(faces.shape[0], np.bool_)
