@@ -26,6 +26,10 @@ settings.register_profile("repeatable", settings.get_profile("search"), derandom
 settings.load_profile("repeatable")
 
 
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    # Whoever starts the tests in the background may have it ignored. Programs would inherit that.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
 FIRST = ("test_hard_cases.py", "test_process.py", "test_refit.py")
 """These compile much that all tests use, where the cache is empty."""
 

@@ -53,12 +53,12 @@ def check_tolerance(name: str, value: SupportsFloat) -> float:
     return number
 
 
-def as_count(value: int, name: str) -> int:
-    """Return a count as an int, at least 1.
+def as_count(value: int, name: str, least: int = 1) -> int:
+    """Return a count as an int, no less than `least`.
 
     Raises:
         TypeError: it is no whole number.
-        ValueError: it is less than 1.
+        ValueError: it is less than `least`.
     """
     try:
         if isinstance(value, bool):
@@ -67,8 +67,8 @@ def as_count(value: int, name: str) -> int:
     except TypeError:
         text = f"{name} = {value!r}: expected a whole number, got {type(value).__name__}"
         raise TypeError(text) from None
-    if count < 1:
-        raise ValueError(f"{name} = {count}: must be at least 1")
+    if count < least:
+        raise ValueError(f"{name} = {count}: must be at least {least}")
     return count
 
 

@@ -108,16 +108,18 @@ def _cloud(data: dict[str, Any], keys: Keys, unit: Unit, report: Report) -> Clou
     return Cloud(topic, unit.to_metre * data.get("radius", 0.0), data.get("frame", ""))
 
 
-def check_clouds(bodies: tuple[Body, ...], count: int, report: Report) -> None:
-    """Report clouds whose frame is no body; only the first `count` bodies can be clouds."""
+def check_clouds(
+    section: list[dict[str, Any]], bodies: tuple[Body, ...], report: Report
+) -> None:
+    """Report the clouds of the file's section `bodies` whose frame is no body."""
     posed = [body.name for body in bodies if body.cloud is None]
-    for index, body in enumerate(bodies[:count]):
-        if body.cloud is not None and body.cloud.frame and body.cloud.frame not in posed:
-            keys = ("bodies", index, "cloud", "frame")
+    for index, data in enumerate(section):
+        frame = data.get("cloud", {}).get("frame", "")
+        if frame and frame not in posed:
             report.add(
-                keys,
-                f"'{body.cloud.frame}' is no body with a pose; there are {listed(posed)}; leave"
-                " 'frame' out for the scene's frame",
+                ("bodies", index, "cloud", "frame"),
+                f"'{frame}' is no body with a pose; there are {listed(posed)}; leave 'frame' out"
+                " for the scene's frame",
             )
 
 

@@ -67,9 +67,8 @@ def _scene(data: dict[str, Any], path: Path, report: Report, describe: Describe 
     robots = read_robots(
         data.get("robots", []), bodies, groups, path.parent, unit, report, describe
     )
-    count = len(bodies)
     bodies += robots.bodies
-    check_clouds(bodies, count, report)
+    check_clouds(data.get("bodies", []), bodies, report)
     motion = None
     if "motion" in data:
         motion = read_motion(data["motion"], bodies, unit, report, path.parent, robots.robots)

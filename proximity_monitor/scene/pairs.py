@@ -90,7 +90,7 @@ def read_pairs(
     """Make the watched pairs; their problems go to the report."""
     if isinstance(section, str):  # "all"
         section = {}
-    names = _Names(bodies, section.get("groups", {}), {**assemblies, **robots.groups}, report)
+    names = _Names(bodies, section.get("groups", {}), assemblies, robots.groups, report)
     kinds, rule, exceptions = [defaults], 0, []
     if "watch" in section:
         rule = UNWATCHED
@@ -134,6 +134,7 @@ class _Names:
         self,
         bodies: tuple[Body, ...],
         groups: Mapping[str, list[str]],
+        assemblies: Mapping[str, list[str]],
         robots: Mapping[str, list[str]],
         report: Report,
     ) -> None:
@@ -141,13 +142,14 @@ class _Names:
         self._report = report
         self._members = {body.name: [index] for index, body in enumerate(bodies)}
         self._single = single = dict(self._members)
-        for robot, names in robots.items():
-            self._members[robot] = [index for name in names for index in single.get(name, ())]
+        for whole, names in {**assemblies, **robots}.items():
+            self._members[whole] = [index for name in names for index in single.get(name, ())]
         for group, names in groups.items():
             keys = ("pairs", "groups", group)
             if group in self._members:
-                what = "body" if group in single else "robot"
-                report.add(keys, f"'{group}' is a {what}; give the group another name")
+                what = "a robot" if group in robots else "an assembly"
+                what = "a body" if group in single else what
+                report.add(keys, f"'{group}' is {what}; give the group another name")
                 continue
             members = [self._find(name, single, (*keys, at)) for at, name in enumerate(names)]
             self._members[group] = [index for found in members for index in found]

@@ -154,6 +154,17 @@ def test_a_claim_of_a_process_that_failed_keeps_nobody_waiting(tmp_path):
     assert not list(tmp_path.glob("kernel*"))
 
 
+def test_who_waited_in_vain_leaves_the_claim_to_its_owner(tmp_path, monkeypatch):
+    monkeypatch.setattr(claims, "LONGEST_S", 0.05)
+    path, lock = tmp_path / "kernel.nbc", tmp_path / "kernel.nbc.lock"
+    with lock.open("w") as others:
+        fcntl.flock(others, fcntl.LOCK_EX)
+        assert claims.claim(path), "it waited"
+        claims.release(path)
+        assert lock.exists()
+        assert claims.is_claimed(path)
+
+
 def test_where_there_can_be_no_lock_everybody_compiles(tmp_path, monkeypatch):
     assert not claims.claim(tmp_path / "nowhere" / "kernel.nbc")
     monkeypatch.setattr(claims, "POSSIBLE", False)

@@ -171,7 +171,7 @@ def test_patches_make_one_surface_and_none_with_meshes():
 def test_dimensions_that_are_none_are_refused():
     for make, message in (
         (lambda: shapes.sphere(1.0, 0, deviation=-0.1), "deviation = -0.1"),
-        (lambda: shapes.sphere(1.0, -1), "subdivisions = -1"),
+        (lambda: shapes.sphere(1.0, -1), "subdivisions = -1: must be at least 0"),
         (lambda: shapes.cylinder(1.0, 1.0, 0), "segments"),
         (lambda: shapes.cylinder(1.0, 1.0, 2), "segments = 2"),
     ):

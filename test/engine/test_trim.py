@@ -156,6 +156,8 @@ def test_angles_of_arcs_become_parameters():
 
 
 def test_bad_trims_are_refused():
+    with pytest.raises(engine.ModelError, match="a loop without curves"):
+        Trim([[]], (0.0, 0.0), (1.0, 1.0))
     with pytest.raises(engine.ModelError, match="no loops"):
         Trim([], LOW, HIGH)
     with pytest.raises(engine.ModelError, match="is empty"):

@@ -157,6 +157,15 @@ def test_loops_are_turned_so_that_what_they_leave_is_on_their_left():
     assert found.turned == [False]
 
 
+@pytest.mark.parametrize("radius", [1e-6, 1e-7, 1e-8, 2e-9])
+def test_a_tiny_loop_has_a_proven_side(radius):
+    """Once the sign of a small area was sought without end."""
+    ring = circle(np.array([0.4, 0.6]), radius)
+    back = [each._replace(control=each.control[::-1]) for each in reversed(ring)]
+    assert examine(Trim([ring], *UNIT))[:2] == ("", [False])
+    assert examine(Trim([back], *UNIT))[:2] == ("", [True])
+
+
 def slanted(parts):
     """A cylinder of radius 1 from z = 0 to 1 + SLOPE x; its upper edge is of quintics."""
     knots = np.repeat([0.0, 0.5 * np.pi], 3), np.repeat([0.0, 2.0], 2)

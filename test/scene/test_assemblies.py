@@ -137,6 +137,17 @@ def test_a_robot_is_not_called_like_an_assembly(tmp_path, monkeypatch):
         load(tmp_path, "moving: true", "robots: [{name: gearbox, urdf: one.urdf}]\n")
 
 
+def test_a_problem_is_told_of_the_entry_in_the_file_not_of_the_body(tmp_path, monkeypatch):
+    placed = [engine.Placement(name=name, model=name, pose=np.eye(4), colour=None) for name in "ab"]
+    monkeypatch.setattr(engine, "load_placements", lambda *_, **__: placed)
+    rest = "  - {name: scan, cloud: {topic: points, frame: nose}}\n"
+    with pytest.raises(SceneError, match=r"8: bodies\[2\]\.cloud\.frame: 'nose' is no body"):
+        load(tmp_path, "moving: true", rest)
+    rest = "pairs: {groups: {gearbox: [bench]}}\n"
+    with pytest.raises(SceneError, match="'gearbox' is an assembly; give the group another name"):
+        load(tmp_path, "moving: true", rest)
+
+
 NAME = re.compile(json.loads(SCHEMA.read_text(encoding="utf-8"))["$defs"]["name"]["pattern"])
 
 

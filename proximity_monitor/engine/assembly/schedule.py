@@ -30,7 +30,8 @@ REMEMBERED = 100_000
 """How many pairs without a row keep their smallest bounds. The oldest are forgotten first."""
 
 _FIRST = {
-    "range": np.inf, "searched_s": -np.inf, "min_upper": np.inf, "min_lower": np.inf, "hint": -1,
+    "range": np.inf, "searched_s": -np.inf, "answered_s": -np.inf, "min_upper": np.inf,
+    "min_lower": np.inf, "hint": -1,
 }  # fmt: skip
 """The fields of a new record that do not begin with zero."""
 

@@ -151,8 +151,6 @@ def _unmatched(edges: list[Edge], gap: float, widths: _Widths) -> list[Edge]:
     for i, (begin, end) in enumerate(ends.reshape(-1, 2).tolist()):
         others = left[end, begin]
         for j in others:
-            if i == j:
-                continue
             apart, bends = _apart(edges[i].turned().curve, edges[j].curve, widths.bend)
             if apart <= gap:
                 widths.strip = max(widths.strip, apart + bends)

@@ -11,6 +11,7 @@ A stretch is a rational Bezier curve: homogeneous control points (n, 3) in the u
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from itertools import chain
 from typing import TYPE_CHECKING, NamedTuple
@@ -30,6 +31,9 @@ _SMALL = 1e-9
 _CUSP = 1e-6
 """As a share of the rectangle: stretches no larger than this beside a cusp may cross, because
 rounding hides whether they do."""
+
+_MANY = 4096
+"""The most stretches of a loop whose area is still made more accurate."""
 
 _OUTSIDE = 0.5
 """Segments that stand for a side of the rectangle are at least so far outside it (see trim.py)."""
@@ -82,7 +86,10 @@ def examine(trim: Trim) -> Loops:
     for i, loop in enumerate(loops):
         place = _hull(loop[0])[0]
         odd = sum(_holds(other, place, slack) for j, other in enumerate(loops) if j != i) % 2
-        turned.append((_area(loop) > 0.0) == (odd == 1))
+        area = _area(loop, slack)
+        if area == 0.0:
+            return Loops("one of its loops is too thin to tell its inside", [], 0.0)
+        turned.append((area > 0.0) == (odd == 1))
     return Loops("", turned, blur)
 
 
@@ -221,18 +228,27 @@ def _holds(loop: Sequence[Reals], place: Reals, slack: float) -> bool:
     return odd
 
 
-def _area(loop: Sequence[Reals]) -> float:
-    """Return about twice a loop's area, positive if it is on the left; the sign is proven."""
-    for _ in range(_DEEP):
+def _area(loop: Sequence[Reals], slack: float) -> float:
+    """Return about twice a loop's area, positive if it is on the left; 0 if its sign is not proven.
+
+    Moving every point of the loop by up to `slack`, as rounding may, changes twice its area by at
+    most twice `slack` times its length. That is counted twice, which covers the products below:
+    they are of differences, so what rounds off is a share of the loop's own size.
+    """
+    while len(loop) <= _MANY:
         ends = np.array([_hull(each)[0] for each in loop])
-        there = np.roll(ends, -1, axis=0)
-        area = float((ends[:, 0] * there[:, 1] - ends[:, 1] * there[:, 0]).sum())
+        steps = np.roll(ends, -1, axis=0) - ends
+        ends = ends - ends[0]
+        area = math.fsum(ends[:, 0] * steps[:, 1] - ends[:, 1] * steps[:, 0])
         # A curve and its chord enclose at most twice their hull's area, and `area` is doubled.
         missing = sum(4.0 * _hull_area(each) for each in loop)
-        if abs(area) > missing + 1e-12:
+        length = sum(float(np.hypot(*np.diff(_hull(each), axis=0).T).sum()) for each in loop)
+        if abs(area) > missing + 4.0 * slack * (length + slack):
+            return area
+        if all(len(each) == 2 for each in loop):
             break
         loop = list(chain(*(halved(each) if len(each) > 2 else (each,) for each in loop)))
-    return area
+    return 0.0
 
 
 def _hull_area(net: Reals) -> float:

@@ -200,7 +200,7 @@ def sphere(
     """
     if subdivisions is None:
         return points(np.zeros((1, 3)), radius=radius, name=name, **how)
-    count = 0 if subdivisions == 0 else as_count(subdivisions, "subdivisions")
+    count = as_count(subdivisions, "subdivisions", least=0)
     return icosphere(radius, count).model(name, how)
 
 

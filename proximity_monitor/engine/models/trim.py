@@ -59,8 +59,9 @@ class Trim:
             The knots are the angles at the ends of the arcs, radians.
 
     Raises:
-        ModelError: the rectangle is empty; there are no loops; a curve has a wrong shape, a control
-            point that is not finite, or a weight that is not finite and above 0; nothing is left.
+        ModelError: the rectangle is empty; there are no loops; a loop has no curves; a curve has a
+            wrong shape, a control point that is not finite, or a weight that is not finite and
+            above 0; nothing is left.
 
     Attributes:
         whole: whether nothing is cut off, so that the patch needs no trim.
@@ -84,6 +85,8 @@ class Trim:
             raise ModelError(f"trim: rectangle from {low.tolist()} to {high.tolist()} is empty")
         if not loops:
             raise ModelError("trim: no loops")
+        if not all(len(loop) for loop in loops):
+            raise ModelError("trim: a loop without curves")
         self.record = np.zeros((), TRIM)
         self.record["low"], self.record["extent"], self.record["arcs"] = low, extent, arcs
         angles = extent / np.maximum(arcs, 1)

@@ -27,6 +27,7 @@ RECORD = np.dtype(
         ("rel_err", np.float64),
         ("abs_err", np.float64),
         ("searched_s", np.float64),  # when it was last searched
+        ("answered_s", np.float64),  # when its numbers were last found at the poses of a tick
         ("min_upper", np.float64),  # the smallest bounds of all ticks
         ("min_lower", np.float64),
         ("widened", np.float64),  # how far motion had widened the bounds at the last tick, metres
@@ -357,6 +358,8 @@ def report(rows, answers, balls, silent, records, views, now_s, listed):
         if view.known and not view.stale and not record.ignored:
             record.min_upper = min(record.min_upper, view.upper)
             record.min_lower = min(record.min_lower, view.lower)
+        if view.answered or view.searched:
+            record.answered_s = now_s
         left += view.wanting
         if record.ignored or not (view.stale or view.lower <= record.range):
             continue
@@ -366,7 +369,7 @@ def report(rows, answers, balls, silent, records, views, now_s, listed):
         made.lower = view.lower if view.known else np.nan
         made.upper = view.upper if view.known else np.nan
         made.status = _status(record, view)
-        made.age_s = 0.0 if view.answered or view.searched else now_s - record.searched_s
+        made.age_s = now_s - record.answered_s
         made.min_upper, made.min_lower = record.min_upper, record.min_lower
         points = surface_points(
             vector(view.points[0]), vector(view.points[1]),

@@ -46,12 +46,15 @@ def claim(path: Path) -> bool:
     with suppress(OSError):
         number = os.open(lock, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
         try:
-            while not _locked(number) and monotonic() < end:
+            while not (mine := _locked(number)) and monotonic() < end:
                 waited = True
                 for each in waiting:
                     each()
                 sleep(_LOOK_S)
-            _claimed[lock] = number
+            if mine:
+                _claimed[lock] = number
+            else:
+                os.close(number)
         except BaseException:  # Ctrl-C
             os.close(number)
             raise

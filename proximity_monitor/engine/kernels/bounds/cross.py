@@ -161,7 +161,8 @@ def cross_nodes(tree, fixed, node, lane, motion, flip, state, inherited, limit, 
     others = left_between(waiting, fixed, other, progress, limit, found)
     aligned, whole = rows, rows
     if not (rows and others):
-        progress.proven = apart + nearest + smallest(lows, 0, _ALL) * tree.scale[0]
+        along = apart + nearest + smallest(lows, 0, _ALL) * tree.scale[0]
+        progress.proven = max(along, inherited)
         return n
     ratio = tree.scale[0] * inverse
     centre = row(fixed.centres, other)

@@ -101,7 +101,7 @@ def halve(state, parent, rows, count, mean, used, bound):
     if half <= at.slack:  # smaller cells cannot have better bounds
         at.dropped = max(at.dropped, bound)
         return
-    kept = table_on_stack(6, 4, 0.0)
+    kept = table_on_stack(ROWS, 4, 0.0)
     n = 0
     if count > 0:
         _keep_row(kept, 0, mean)
