@@ -3,10 +3,11 @@
     python benchmark/assembly.py [--quick] [--bodies N ...] [--threads N] [--out DIR]
 
 `crowd` rows: bodies of 1,000 triangles, everything against everything, at 30 Hz with 20 ms a tick.
-`pair` rows: two surfaces of 40,000 triangles at 1 kHz with 0.5 ms a tick; spheres beside each
-other, whose exact distance fits into that, and one in the other, whose takes fifty times as long.
-Searches run on one thread unless --threads says otherwise. Writes assembly.csv and assembly.md and
-prints the latter. Ends with status 1 where an exact distance lies outside of its certified bounds.
+`pair` rows: two surfaces of 40,000 triangles at 1 kHz with 0.5 ms a tick. `close` is two spheres
+side by side, whose exact distance fits into the budget; `nested` is one sphere inside the other,
+whose exact distance takes fifty times the budget. Searches run on one thread unless --threads says
+otherwise. Writes assembly.csv and assembly.md and prints assembly.md. Ends with status 1 if an
+exact distance lies outside of its certified bounds.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from proximity_monitor.scene.state import PoseSample, Tick
 OUT = Path(__file__).resolve().parents[1] / "build" / "benchmark"
 SIZES = (10, 30, 100, 300, 1000, 3000, 10000)
 CHECKED = 20
-"""So many listed pairs, and as many of all pairs, are compared with exact distances each tick."""
+"""Each tick compares this many listed pairs, and as many of all pairs, with exact distances."""
 
 NOTES = """\
 Times are milliseconds by the wall clock: of the whole tick, poses in to bounds out; `cpu` is the
@@ -42,7 +43,7 @@ of a sample of near and far pairs at every tick of a crowd, and at every hundred
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the command line; returns the exit status."""
+    """Run the command line and return the exit status."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--quick", action="store_true", help="few ticks, at most 1,000 bodies")
     parser.add_argument(
@@ -72,7 +73,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _crowd(size: int, ticks: int, threads: int) -> dict[str, float | str]:
-    """Many bodies that drift about and turn, at 30 Hz with 20 ms."""
+    """Run a crowd of drifting, turning bodies at 30 Hz with 20 ms a tick; return its table row."""
     crowd = Crowd(size)
     names = [body.name for body in crowd.scene.bodies]
     random = np.random.default_rng(1)
@@ -106,7 +107,7 @@ def _pair(
     ticks: int,
     threads: int,
 ) -> dict[str, float | str]:
-    """Two surfaces of which one moves, at 1 kHz with half a millisecond."""
+    """Run two surfaces, one of them moving, at 1 kHz with 0.5 ms a tick; return the table row."""
     monitor = Monitor(scene, models, threads=threads)
     log = Log(f"pair/{name}", 1, 0.0005)
     fixed, moving = models.values()
@@ -125,7 +126,7 @@ def _some(tick: Tick, random: np.random.Generator) -> list:
 
 
 class Log:
-    """What the ticks of one scene took and found."""
+    """Times and results of the ticks of one scene."""
 
     def __init__(self, scene: str, pairs: int, budget_s: float) -> None:
         self._scene, self._pairs, self._budget_s = scene, pairs, budget_s
@@ -153,12 +154,12 @@ class Log:
         lower: float,
         upper: float,
     ) -> None:
-        """Compare bounds with the exact distance."""
+        """Compare bounds with the exact distance of two posed meshes; count contradictions."""
         exact = engine.signed_distance(a, pose_a, b, pose_b)
         self._wrong += not (lower <= exact.upper and exact.lower <= upper)
 
     def row(self) -> dict[str, float | str]:
-        """The columns by name."""
+        """Return the scene's table row, by column name; the first tick is reported separately."""
         elapsed, cpu, near, searched, left = np.array(self._rows[1:]).T
         gaps = np.concatenate(self._gaps[1:])
         over = elapsed - self._budget_s
@@ -184,7 +185,7 @@ class Log:
 
 
 def _table(rows: list[dict]) -> str:
-    """Rows in Markdown."""
+    """Return the rows as a Markdown table."""
     columns = [
         ("scene", "scene", ""), ("pairs", "pairs", ","), ("budget, ms", "budget_ms", "g"),
         ("tick median", "median_ms", ".2f"), ("p99", "p99_ms", ".2f"), ("max", "max_ms", ".2f"),

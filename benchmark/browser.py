@@ -1,17 +1,17 @@
-"""What a person waits for on the page, by the clock of the browser itself.
+"""Measure how long a user waits for the page, by the browser's own clock.
 
     python benchmark/browser.py drag --steps 200     # in an environment with '.[ros,display]'
     python benchmark/browser.py crowd --seconds 30   # and playwright, with Chromium
 
-`drag` holds one of 20 parts of 20,480 triangles by its handles, moves the mouse in steps, and takes
-the time from each of the browser's pointer events until the number of the new clearance stands in
-the panel, and until the next frame is drawn. The 18 others move meanwhile, but for the nearest one,
-so that only the hand changes that number. `crowd` has 1,000 bodies that move and 10,476 pairs in
-range, and takes the times between two lists, and between two frames.
+`drag` holds one of 20 parts of 20,480 triangles by its handles and moves the mouse in steps. For
+each of the browser's pointer events it takes the time until the panel shows the new clearance, and
+until the next frame is drawn. The nearest part rests and the 18 others move meanwhile, so that only
+the drag changes the clearance. `crowd` has 1,000 moving bodies and 10,476 pairs in range. It takes
+the times between successive lists of pairs, and between successive frames.
 
-Monitor, player, display and Chromium share the machine's cores. Without a graphics card Chromium
-draws by software, which takes most of their time; `--small` makes its window smaller. With
-`--undrawn` nothing is drawn, so what is left is about what a person with a graphics card waits for.
+Monitor, player, display and Chromium share the machine's cores. Without a graphics card, Chromium
+draws in software, which takes most of their time; `--small` makes its window smaller. With
+`--undrawn` nothing is drawn: the result is about what a user with a graphics card waits for.
 """
 
 from __future__ import annotations
@@ -30,22 +30,22 @@ from display import SIDE, START_S, Child, crowd_text
 from drag import HELD, NAMES, PAIR, drag_text, percentiles
 from playwright.sync_api import Page, sync_playwright
 
-# Chromium chooses by itself how it draws, by software if need be. Root's cannot be sandboxed.
+# Chromium chooses how to draw, in software if need be. Run by root, it cannot be sandboxed.
 FLAGS = ("--enable-unsafe-swiftshader", "--no-sandbox")
 PATIENCE_S = 60.0
-"""Seconds for the page to do what it is told."""
+"""Seconds for the page to finish an action."""
 
-# Notes of the library, such as that the graphics are software, would lie on the panel.
+# Hides the library's notifications (such as that it draws in software): they would cover the panel.
 NO_NOTES = """addEventListener('DOMContentLoaded', () => {
   const style = document.createElement('style');
   style.textContent = '.mantine-Notification-root { display: none !important }';
   document.head.append(style);
 })"""
-# WebGL takes what it is given, and draws nothing of it.
+# Makes WebGL accept all data but draw nothing.
 UNDRAWN = """for (const name of [
   'drawArrays', 'drawArraysInstanced', 'drawElements', 'drawElementsInstanced', 'drawRangeElements',
 ]) WebGL2RenderingContext.prototype[name] = () => {};"""
-# The place of a handle on the screen; see test/display/page_hand.py.
+# Returns the screen positions of two points on the x handle; see test/display/page_hand.py.
 HANDLE = """() => {
   const m = window.__viserMutable, node = m.nodeRefFromName['/gizmo'];
   let length = null;
@@ -59,7 +59,7 @@ HANDLE = """() => {
     return [r.left + (p.x + 1) * r.width / 2, r.top + (1 - p.y) * r.height / 2];
   });
 }"""
-# Takes the moment of each pointer event, of the pair's next other number, and of the frame after.
+# After each pointer event, takes the times (ms) to the pair's new number and to the frame after it.
 WATCH_DRAG = """pair => {
   window.took = [];
   let begun = null, before = null;
@@ -81,7 +81,7 @@ WATCH_DRAG = """pair => {
       () => window.took.push([told, performance.now() - from])));
   }).observe(document.body, {subtree: true, childList: true, characterData: true});
 }"""
-# Takes the moments at which the list is another, and those of frames.
+# Takes the times (ms) at which the page replaces its list of pairs, and at which it draws a frame.
 WATCH_LIST = """() => {
   window.lists = [];
   window.frames = [];
@@ -96,7 +96,7 @@ WATCH_LIST = """() => {
 
 
 def measure_drag(page: Page, chosen: argparse.Namespace) -> None:
-    """Drag, and print the times."""
+    """Drag the part in steps, and print the times."""
     page.get_by_role("tab", name="Move").click()
     page.get_by_role("combobox", name="Part").fill(HELD)
     page.get_by_role("option", name=HELD, exact=True).click()
@@ -121,7 +121,8 @@ def measure_drag(page: Page, chosen: argparse.Namespace) -> None:
     for i in range(chosen.steps):
         at = 6.0 - i % 2
         page.mouse.move(x + at * step[0], y + at * step[1])
-        # In no step with the monitor's ticks. To look more often takes the browser's time.
+        # A random pause, so that steps do not coincide with the monitor's ticks. Polling more often
+        # would take processor time from the browser.
         time.sleep(rng.uniform(0.3, 0.4))
         ends = time.monotonic() + 5.0
         while len(page.evaluate("() => window.took")) <= i - lost and time.monotonic() < ends:
@@ -137,7 +138,7 @@ def measure_drag(page: Page, chosen: argparse.Namespace) -> None:
 
 
 def measure_list(page: Page, chosen: argparse.Namespace) -> None:
-    """Watch the list, and print the times."""
+    """Watch the list of pairs, and print the times."""
     time.sleep(5.0)
     page.evaluate(WATCH_LIST)
     time.sleep(chosen.seconds)
@@ -153,7 +154,7 @@ def measure_list(page: Page, chosen: argparse.Namespace) -> None:
 
 
 def main() -> int:
-    """Measure and print."""
+    """Run the command line and return the exit status."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("what", choices=("drag", "crowd"))
     parser.add_argument("--steps", type=int, default=200, help="of the drag (default: 200)")

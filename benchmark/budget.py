@@ -2,11 +2,11 @@
 
     python benchmark/budget.py [--scene NAME ...] [--quick] [--busy] [--repeats N]
 
-Counted are calls that took nearly all of their budget, or more. Timed are processor time of the
-thread, which other programs do not lengthen, and time by the clock, which a budget is read from: a
-program that takes the processor away in between lengthens that alone. With --busy as many processes
-as there are processors compute beside it. Other programs also empty the processor's caches: with
---repeats all calls are made as often, and the least time of each counts.
+Only calls that took nearly all of their budget, or more, count. Each call is timed twice. The
+thread's processor time excludes what other programs take. The clock, by which the engine keeps its
+budget, includes it. With --busy, as many processes as there are processors compute at the same
+time. Other programs also evict data from the processor's caches, which lengthens both times: with
+--repeats N every call is made N times, and the least time of each counts.
 """
 
 from __future__ import annotations
@@ -34,15 +34,15 @@ ORDERS = ("depth_first", "priority", "breadth_first")
 ALLOWED_US = 50.0
 _CALLS, _QUICK = 40, 6
 _NEARLY = 0.9
-"""From this share of a budget on a call is one that the budget has ended."""
+"""A call counts as ended by its budget if it took more than this share of it."""
 _BATCH, _POINTS = 64, 4096
 
 Ask = Callable[[int, float], Any]
-"""Asks the question of a step's poses within seconds."""
+"""Asks a question at the poses of a step, within a budget in seconds."""
 
 
 def _chess() -> StudyScene:
-    """Two solids of revolution at random poses, near each other or not quite apart."""
+    """Return two solids of revolution at random poses, bounding spheres overlapping or close."""
     scene = load_scene(bundled("chess"))
     bodies = {body.name: body for body in scene.bodies}
     a, b = models = [load_model(bodies[name], scene.unit) for name in ("pawn", "cup")]
@@ -62,7 +62,7 @@ CURVED: dict[str, Callable[[], StudyScene]] = {
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the command line; returns the exit status."""
+    """Run the command line and return the exit status."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--scene", nargs="+", default=[], help="scenes or families; default: some")
     parser.add_argument("--question", nargs="+", default=[], help="how their names begin")
@@ -103,20 +103,20 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _compute() -> None:
-    """Take a processor until somebody ends it."""
+    """Keep a processor busy until the process is terminated."""
     while True:
         np.linalg.inv(np.eye(64) + 1.0)
 
 
 def _questions(scene: StudyScene) -> Iterator[tuple[str, Ask]]:
-    """Every question that takes a budget, by name."""
+    """Yield the name and the call of every question that takes a budget."""
     models: dict[str, engine.Model] = {**scene.surfaces}
     models |= {name: engine.TriangleMesh(*mesh) for name, mesh in scene.meshes.items()}
     track = scene.tracks[0]
     a, b = models[track.a], models[track.b]
     pa, pb = track.poses_a, track.poses_b
     reach = [engine.distance(a, pa[k], b, pb[k]).upper for k in _steps(scene, _CALLS)]
-    # What a mesh finds out once, when it is first asked for it, is not of a question.
+    # A mesh computes `not_solid` once, on first access: no question is to be charged for it.
     assert all(model.not_solid is not None for model in models.values())
     pair = engine.Pair(a, b)
     for order in ORDERS:
@@ -129,7 +129,7 @@ def _questions(scene: StudyScene) -> Iterator[tuple[str, Ask]]:
     close = 0.999 * float(np.median(reach))
     yield "within", lambda k, s: pair.within(pa[k], pb[k], close, budget_s=s)
     yield "collide", lambda k, s: pair.collide(pa[k], pb[k], budget_s=s)
-    # Pushed into each other, for contacts.
+    # Pushed into each other, so that there are contacts.
     inner = [_pushed(a, pa[k], b, pb[k]) for k in _steps(scene, _CALLS)]
     inside = dict(zip(_steps(scene, _CALLS), inner, strict=True))
     yield (
@@ -163,7 +163,7 @@ def _questions(scene: StudyScene) -> Iterator[tuple[str, Ask]]:
     pairs = np.array([[names.index(t.a), names.index(t.b)] for t in scene.tracks])
     pairs = np.tile(pairs, (-(-_BATCH // len(pairs)), 1))[:_BATCH]
 
-    poses = {}  # made beforehand: that is none of the question's time
+    poses = {}  # made beforehand: the question is not charged for it
     for k in _steps(scene, _CALLS):
         where = {t.a: t.poses_a[k] for t in scene.tracks}
         where |= {t.b: t.poses_b[k] for t in scene.tracks}
@@ -180,7 +180,7 @@ def _pushed(
     a: engine.Model, pose_a: NDArray[np.float64], b: engine.Model,
     pose_b: NDArray[np.float64],
 ) -> NDArray[np.float64]:  # fmt: skip
-    """The pose of a, moved so that its surface crosses that of b."""
+    """Return the pose of a, moved so that its surface crosses that of b."""
     found = engine.distance(a, pose_a, b, pose_b)
     moved = pose_a.copy()
     way = found.point_b - found.point_a
@@ -189,20 +189,20 @@ def _pushed(
 
 
 def _steps(scene: StudyScene, calls: int) -> list[int]:
-    """As many steps, spread over all."""
+    """Return `calls` steps, spread evenly over all steps of the scene."""
     return np.linspace(0, len(scene.tracks[0].poses_a) - 1, calls).astype(int).tolist()
 
 
 def _measure(
     scene: StudyScene, ask: Ask, budget_s: float, calls: int, compiles: bool
 ) -> NDArray[np.float64]:
-    """(k, 2) seconds by which calls overran: of processor time, and by the clock.
+    """Return by how many seconds calls overran, (k, 2): processor time, and time by the clock.
 
-    Each question is asked three times in a row, so that a search that was cut goes on.
+    Each step is asked about three times in a row, so that a search that was cut short resumes.
     """
     steps = _steps(scene, _CALLS)[:: _CALLS // calls]
     for step in steps if compiles else ():
-        ask(step, 10.0)  # another pose may need another kernel
+        ask(step, 10.0)  # compiles; another pose may need another kernel
     found = []
     gc.disable()
     for step in steps:
@@ -217,7 +217,7 @@ def _measure(
 
 
 def _print(late: dict[str, list[tuple[str, int, NDArray[np.float64]]]]) -> None:
-    """Print a table, microseconds; of the calls that their budget has ended."""
+    """Print a table, microseconds, of the calls that their budget ended."""
     print("| overrun, µs | calls | median | 99 % | most | clock: 99 % | most | worst 99 % |")
     print("| --- | --- | --- | --- | --- | --- | --- | --- |")
     for question, found in late.items():

@@ -2,9 +2,9 @@
 
     python benchmark/compare.py [--scene NAME ...] [--quick] [--out DIR] [--data DIR] [--pqp DIR]
 
-Writes compare.csv and compare.md and prints the latter; with PQP's sources a comparison with it as
-well (see pqp.py). Ends with status 1 where two engines disagree by more than a millionth of a
-scene's scale.
+Writes compare.csv and compare.md and prints compare.md. If PQP's sources are given, the page also
+compares with PQP (see pqp.py). Ends with status 1 if two engines disagree by more than a millionth
+of a scene's scale.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ makes fewer that knows nothing of the poses before.
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the command line; returns the exit status."""
+    """Run the command line and return the exit status."""
     options = _parser().parse_args(arguments)
     libraries = peers.installed()
     if not libraries:
@@ -103,7 +103,7 @@ def _agree(row: dict[str, float]) -> bool:
 
 
 def _ratios(row: dict[str, float], libraries: list) -> dict[str, float]:
-    """How many times longer each peer's exact query takes than each of ours."""
+    """Return how many times as long each peer's exact query takes as each of our queries."""
     ratios = {}
     for library in libraries:
         name = library.name
@@ -115,7 +115,7 @@ def _ratios(row: dict[str, float], libraries: list) -> dict[str, float]:
 
 
 def _share(tests: float, ideal: float) -> float:
-    """How many times as many tests as the fewest possible; bodies that touch may need none."""
+    """Return tests / ideal; bodies that touch may need no test, so 0 / 0 counts as 1."""
     if ideal > 0.0:
         return tests / ideal
     return 1.0 if tests == 0.0 else float("inf")
@@ -130,7 +130,7 @@ def _write_csv(path: Path, rows: list[dict]) -> None:
 
 
 def _machine(libraries: list) -> str:
-    """What was compared on what."""
+    """Return the versions of what was compared, and the processor."""
     versions = [f"{name} {metadata.version(name)}" for name in ("numpy", "numba")]
     versions += [peers.version(library) for library in libraries]
     cpu = platform.processor() or platform.machine()
@@ -142,7 +142,7 @@ def _machine(libraries: list) -> str:
 
 
 def _times(rows: list[dict], libraries: list) -> str:
-    """Times and ratios in Markdown."""
+    """Return the table of times and ratios in Markdown."""
     columns = [("scene", "scene", ""), ("queries", "queries", "d")]
     columns += [("ours", "ours_median_us", ".1f"), ("10 %", "ours_10_median_us", ".1f")]
     columns += [("batch", "batch_mean_us", ".1f")]
@@ -154,7 +154,7 @@ def _times(rows: list[dict], libraries: list) -> str:
 
 
 def _work(rows: list[dict], libraries: list) -> str:
-    """What the queries and models consist of, in Markdown."""
+    """Return the table of tests, model sizes and build times in Markdown."""
     columns = [("scene", "scene", ""), ("triangles", "triangles", ".0f")]
     columns += [("touching", "touching", ".0%"), ("disagreement", "disagreement", ".0e")]
     columns += [("bound tests", "bound_tests", ".0f"), ("ideal", "ideal_bound_tests", ".0f")]
@@ -168,14 +168,14 @@ def _work(rows: list[dict], libraries: list) -> str:
 
 
 def _table(rows: list[dict], columns: list[tuple[str, str, str]]) -> str:
-    """Rows in Markdown; a column is its heading, key and format."""
+    """Return the rows as a Markdown table; a column is its heading, key and format."""
     lines = [[heading for heading, _, _ in columns], ["---"] * len(columns)]
     lines += [[format(row[key], spec) for _, key, spec in columns] for row in rows]
     return "".join(f"| {' | '.join(line)} |\n" for line in lines)
 
 
 def _summary(rows: list[dict], libraries: list) -> str:
-    """Geometric mean and worst scene of each ratio."""
+    """Return the geometric mean and the worst scene of each ratio, as a Markdown list."""
     lines = []
     for library in libraries:
         for suffix, what in (

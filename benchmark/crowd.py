@@ -1,4 +1,4 @@
-"""The scenes of assembly.py, made without a file."""
+"""Scenes for assembly.py, made in memory."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from proximity_monitor.study import shapes
 from proximity_monitor.study.scenes import random_rotations, rotation_poses
 
 RANGE = 0.030
-"""Metres. Pairs farther apart are certified so, and not listed."""
+"""Metres. A pair farther apart than this is certified to be so, and not listed."""
 
 _THRESHOLDS = Thresholds(warn=0.010, stop=0.002, hysteresis=0.002)
 _SPACING = 0.18
-"""Metres between the places that bodies of 0.13 m across keep to: their density."""
+"""Metres between lattice places. With bodies 0.13 m across, it sets how dense the crowd is."""
 
 
 class Crowd:
     """Bodies of 1,000 triangles that drift about their places in a lattice, and turn.
 
     Attributes:
-        scene: everything against everything, to a range.
-        mesh: what every body looks like: a warped torus.
-        models: by name of the body.
+        scene: watches all pairs, up to RANGE.
+        mesh: the model of every body: a warped torus.
+        models: the model of each body, by the body's name.
     """
 
     def __init__(self, count: int) -> None:
@@ -51,7 +51,7 @@ class Crowd:
         self._turning = random.uniform(-2.0, 2.0, count)
 
     def poses(self, t: float) -> NDArray[np.float64]:
-        """(count, 4, 4) at t seconds: up to 0.24 m/s and 2 rad/s."""
+        """Return poses (count, 4, 4) at t seconds: up to 0.24 m/s along each axis, and 2 rad/s."""
         poses = rotation_poses(self._axis, self._turning * t)
         poses[:, :3, 3] = self._places + self._swing * np.sin(self._rate * t + self._phase)
         return poses
@@ -61,17 +61,17 @@ Poses = Callable[[float], NDArray[np.float64]]
 
 
 def nested_pair() -> tuple[Scene, dict[str, engine.TriangleMesh], Poses]:
-    """A sphere within another, 40,000 triangles each, 10 mm apart all over.
+    """Return a sphere inside another, 40,000 triangles each, about 10 mm apart all around.
 
-    It wavers by tenths of a millimetre and turns by 0.1 rad/s; thousands of triangle pairs are
-    nearly as near as the nearest, and an exact answer takes some 25 ms.
+    The inner sphere wavers by tenths of a millimetre and turns at 0.1 rad/s. Thousands of triangle
+    pairs are nearly as near as the nearest one, so that an exact answer takes some 25 ms.
     """
     inner, outer = shapes.sphere(0.100), shapes.sphere(0.110)
     return _pair(inner, outer, np.array([2e-4, 2e-4, 2e-4]), np.zeros(3), 0.1)
 
 
 def close_pair() -> tuple[Scene, dict[str, engine.TriangleMesh], Poses]:
-    """Two spheres of 40,000 triangles each beside each other, 0.1 to 1.9 mm apart."""
+    """Return two spheres of 40,000 triangles each, side by side, 0.1 to 1.9 mm apart."""
     ball = shapes.sphere(0.100)
     return _pair(ball, ball, np.array([9e-4, 2e-3, 2e-3]), np.array([0.201, 0.0, 0.0]), 0.5)
 

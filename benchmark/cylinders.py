@@ -1,11 +1,12 @@
-"""Robots of cylinders and boxes: exact cylinders beside the prisms that stood for them.
+"""Compare exact cylinders with prisms on robots of cylinders and boxes.
 
     python benchmark/cylinders.py [--quick]
 
-Each robot of `example-robot-data` is loaded twice, and all pairs of its links are asked about in
-one call of an `Assembly`: at random configurations, each from nothing, and along a motion, with
-hints. The two take turns, and of each the least time of three counts. Ends with status 1 where
-their bounds contradict each other by more than rounding.
+Each robot (of `example-robot-data`) is loaded twice: once with exact cylinders, once with a prism
+for each cylinder. One call of an `Assembly` asks about all pairs of links: at random
+configurations without hints, and along a motion with hints. The two kinds take turns, and the least
+of three times counts. Ends with status 1 if their bounds contradict each other by more than
+rounding.
 """
 
 from __future__ import annotations
@@ -29,14 +30,14 @@ from proximity_monitor.scene.paths import model_path
 
 _ROBOTS = "go1", "laikago", "a1", "b1", "quadruped", "romeo_laas_small", "baxter", "z1"
 _SIDES = 64
-"""Of a prism."""
+"""Sides of a prism."""
 _REPEATS, _TOLERANCES = 3, (0.0, 0.01)
 _ROUNDING = 1e-9
-"""Metres."""
+"""Metres by which the bounds of the two kinds may contradict each other."""
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the command line; returns the exit status."""
+    """Run the command line and return the exit status."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--quick", action="store_true", help="three robots, fewer poses")
     quick = parser.parse_args(arguments).quick
@@ -73,7 +74,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _with_prisms(scene: Scene) -> Scene:
-    """The same scene with prisms for cylinders."""
+    """Return the same scene with prisms for cylinders."""
 
     def changed(body: Body) -> Body:
         if not isinstance(body.primitive, Compound):
@@ -90,7 +91,7 @@ def _with_prisms(scene: Scene) -> Scene:
 
 
 def _poses(scene: Scene, count: int) -> tuple[list[NDArray], list[NDArray]]:
-    """Poses of all bodies (n, 4, 4) at random configurations, and along a way between two."""
+    """Return poses of all bodies (n, 4, 4): at random, and along a path between two of those."""
     robot, random = scene.robots[0], np.random.default_rng(5)
     still = {body.name: body.pose for body in scene.bodies if body.pose is not None}
 
@@ -112,7 +113,7 @@ def _time(
     tolerance: float,
     hinted: bool,
 ) -> tuple[list[float], bool, NDArray]:
-    """Microseconds a pair takes of both kinds; whether they agree; the widest bounds, metres."""
+    """Return microseconds a pair of both kinds, whether they agree, and the widest bounds (m)."""
     names = [body.name for body in scene.bodies]
     pairs = np.array([(names.index(pair.a), names.index(pair.b)) for pair in scene.pairs])
     assemblies = [engine.Assembly([each[name] for name in names]) for each in models]

@@ -1,10 +1,11 @@
-"""How long the depth of overlapping solids takes, on one thread: the table of the largest ball.
+"""How long the depth of overlapping solids takes, on one thread: the largest ball in both.
 
     python benchmark/depth.py [--quick]
 
-Of each pose the processor time of one question is taken, to 1 % of the depth, with nothing
-remembered unless it says so; of three rounds the shortest counts. A point is one place whose depth
-in both solids was asked for. `collide` is asked about the same solids at the same poses.
+Takes the processor time of one question at each pose, to 1 % of the depth unless the row says
+otherwise. The shortest of three rounds counts, each without a remembered answer; the row with the
+last ball as seed is timed once. `points` counts the places at which the depth in both solids was
+computed. The `collide` rows ask about the same solids at the same poses.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ Poses = list[tuple[NDArray, NDArray]]
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the command line; returns the exit status."""
+    """Run the command line and return the exit status."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--quick", action="store_true", help="a tenth of the poses")
     quick = parser.parse_args(arguments).quick
@@ -65,7 +66,7 @@ def _show(name: str, found: list[tuple[float, int]]) -> None:
 
 
 def _timed(ask: Callable[[], int]) -> tuple[float, int]:
-    """The shortest of three processor times, seconds, and what was counted."""
+    """Return the shortest of three processor times (s), and the count that `ask` returns."""
     best, count = np.inf, 0
     for _ in range(3):
         start = process_time()
@@ -78,7 +79,7 @@ def _ask(
     a: engine.TriangleMesh, b: engine.TriangleMesh, poses: Poses, *, depth_err: float = 0.01,
     remembered: bool = False,
 ) -> list[tuple[float, int]]:  # fmt: skip
-    """Of each pose the time and how many points were tested."""
+    """Return for each pose the time (s) and how many points were tested."""
     found, pair = [], engine.Pair(a, b)
     for here, there in poses:
 
@@ -88,7 +89,7 @@ def _ask(
             assert answer.upper < 0.0
             return answer.primitive_tests
 
-        if remembered:  # the next pose, not the same one again
+        if remembered:  # timed once: asked again, it would start from its own answer
             start = process_time()
             count = ask()
             found.append((process_time() - start, count))
@@ -108,7 +109,7 @@ def _collide(
 def _overlapping(
     parts: dict[str, engine.TriangleMesh], count: int
 ) -> list[tuple[engine.TriangleMesh, engine.TriangleMesh, tuple[NDArray, NDArray]]]:
-    """Pairs of parts at random poses at which they overlap."""
+    """Return pairs of parts at random poses at which they overlap."""
     rng, names, found = np.random.default_rng(1), sorted(parts), []
     while len(found) < count:
         a, b = (parts[name] for name in rng.choice(names, 2))
@@ -120,7 +121,7 @@ def _overlapping(
 
 
 def _pushed(count: int, overlap: float) -> Poses:
-    """Unit spheres pushed into each other, along a way that turns slowly."""
+    """Return poses of two unit spheres that overlap, in a direction that turns slowly."""
     turn, poses = _pose(np.random.default_rng(3)), []
     for angle in np.linspace(0.0, 0.3, count):
         there = turn.copy()
@@ -131,7 +132,7 @@ def _pushed(count: int, overlap: float) -> Poses:
 
 
 def _turned(count: int, apart: Iterable[float]) -> Poses:
-    """Two bodies at the same place beside each other, turned together."""
+    """Return poses of two bodies at a fixed relative position, turned together at random."""
     rng, shift = np.random.default_rng(5), np.eye(4)
     shift[:3, 3] = list(apart)
     return [(here, here @ shift) for here in (_pose(rng) for _ in range(count))]
@@ -170,7 +171,7 @@ def _parts() -> dict[str, engine.TriangleMesh]:
 
 
 def _ring(radii: NDArray, hole: float, height: float) -> engine.TriangleMesh:
-    """A disc with these radii around, and a round hole."""
+    """Return a disc whose outline has these radii, with a round hole."""
     n = len(radii)
     angle = 2.0 * np.pi * np.arange(n) / n
     around = np.stack((np.cos(angle), np.sin(angle)), axis=1)
@@ -192,7 +193,7 @@ def _ring(radii: NDArray, hole: float, height: float) -> engine.TriangleMesh:
 
 
 def _angle() -> engine.TriangleMesh:
-    """An L of sheet."""
+    """Return an L-shaped bracket."""
     flat = np.array([[0, 0], [1.5, 0], [1.5, 0.4], [0.4, 0.4], [0.4, 1.2], [0, 1.2]]) - (0.5, 0.4)
     vertices = np.concatenate([np.c_[flat, np.full(6, z)] for z in (-0.25, 0.25)])
     faces = []

@@ -2,10 +2,10 @@
 
     python benchmark/display.py --seconds 20     # in an environment with '.[ros,display]'
 
-Monitor, display and the poses' source run in processes of their own, the display on one core that
-is not the monitor's where the machine has two. This process stands for the browser: it takes in
-what the display sends over the websocket, and counts the frames that bring new closest points.
-What a browser needs to draw them depends on its graphics card and is not measured.
+The monitor, the display and the player, which sends the poses, run in processes of their own. If
+the machine has two cores, the display has another core than the monitor. This process stands for
+the browser: it receives what the display sends over the websocket, and counts the frames that bring
+new closest points. The time to draw them depends on the graphics card and is not measured.
 """
 
 from __future__ import annotations
@@ -86,10 +86,10 @@ CAMERA = {
 
 
 class Child:
-    """One of our programs, and what it said."""
+    """A process that runs one of our programs, and its output."""
 
     def __init__(self, module: str, arguments: list[str], core: int | None) -> None:
-        """Start it on that core; None: on any."""
+        """Start the program on a core, by its index among those allowed; None: on any."""
         command = [sys.executable, "-c", f"import sys; from {module} import main; sys.exit(main())"]
         self.process = subprocess.Popen(
             [*command, "--ros-args", *arguments],
@@ -108,7 +108,7 @@ class Child:
         self._news.put("")  # it has ended
 
     def wait_for(self, start: str) -> str:
-        """Return the rest of a line that starts so, as soon as it is said."""
+        """Return the rest of the first line that starts with `start`, as soon as it is printed."""
         patience = Timer(START_S, self.process.kill)
         patience.start()
         try:
@@ -120,12 +120,12 @@ class Child:
         raise RuntimeError(f"ended without {start!r}, and said:\n{''.join(self.said)}")
 
     def seconds(self) -> float:
-        """Processor time so far."""
+        """Return the processor time so far, seconds."""
         fields = Path(f"/proc/{self.process.pid}/stat").read_text().rpartition(")")[2].split()
         return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
     def stop(self) -> None:
-        """End it."""
+        """End the program: by SIGINT, or by force if it does not end in time."""
         self.process.send_signal(signal.SIGINT)
         try:
             self.process.wait(STOP_S)
@@ -135,7 +135,7 @@ class Child:
 
 
 def scene_text(parts: int, rate: float, budget: float) -> str:
-    """Spheres on a grid, each going to and fro by itself."""
+    """Return a scene of spheres on a grid, each of which moves to and fro by itself."""
     rng = random.Random(1)
     bodies, moves = [], []
     for i in range(parts):
@@ -150,7 +150,7 @@ def scene_text(parts: int, rate: float, budget: float) -> str:
 
 
 def crowd_text(rate: float) -> str:
-    """Balls on a lattice, each going to and fro by itself."""
+    """Return a scene of balls on a lattice, each of which moves to and fro by itself."""
     rng = random.Random(1)
     bodies, moves = [], []
     for i, place in enumerate(itertools.product(range(SIDE), repeat=3)):
@@ -165,7 +165,7 @@ def crowd_text(rate: float) -> str:
 
 
 def main() -> int:
-    """Measure and print a table."""
+    """Measure, print a table and return the exit status."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seconds", type=float, default=20.0, help="how long (default: 20)")
     parser.add_argument("--parts", type=int, default=20, help="how many parts (default: 20)")
@@ -197,7 +197,7 @@ def main() -> int:
 
 
 def report(children: list[Child], chosen: argparse.Namespace) -> int:
-    """Wait until the page is alive, count, and print."""
+    """Wait until the page gets its first points, count updates, and print; return the status."""
     address = children[-1].wait_for("display: ")
     with connect(
         address.replace("http", "ws", 1), subprotocols=[f"viser-v{viser.__version__}"],
@@ -238,12 +238,12 @@ def report(children: list[Child], chosen: argparse.Namespace) -> int:
 
 
 def brings_points(data: bytes) -> bool:
-    """Whether a window of messages brings new closest points."""
+    """Return whether a websocket frame brings new closest points."""
     return brings(data, "SceneNodeUpdateMessage", MOVED)
 
 
 def brings(data: bytes, kind: str, sign: bytes) -> bool:
-    """Whether a window of messages has one of a kind with a text in it."""
+    """Return whether a frame has a message of this kind whose name or updates contain `sign`."""
     size = int.from_bytes(data[8:16], "little")
     told = zstandard.ZstdDecompressor().decompress(data[16 : 16 + size])
     return sign in told and any(

@@ -1,11 +1,11 @@
-"""From a drag to its number, with 20 parts of 20,000 triangles and 190 pairs.
+"""Time from a drag to the new clearance, with 20 parts of 20,000 triangles and 190 pairs.
 
     python benchmark/drag.py --steps 300     # in an environment with '.[ros,display]'
 
-This process stands for the browser, as in display.py: it moves the handles of a part in steps, and
-takes the time from each step's message until the message with the new clearance has come. The
-other 18 parts move meanwhile, but for the nearest one, so that only the hand changes that number.
-What Chromium needs to tell and to draw, browser.py takes.
+This process stands for the browser, as in display.py. It moves the handles of a part in steps, and
+takes the time from each step's message until the message with the new clearance arrives. The
+nearest part rests and the other 18 move meanwhile, so that only the drag changes that clearance.
+browser.py measures the time that Chromium needs as well, to report events and to draw.
 """
 
 from __future__ import annotations
@@ -36,17 +36,17 @@ ANVIL = """\
     pose: {position: [-130, 0, 0]}
 """
 STEP = 0.02
-"""Of the page's units: 2 mm."""
+"""Length of a step, in the page's units: 2 mm."""
 
 LOST_S = 5.0
-"""Seconds after which a number will not come."""
+"""Seconds after which a step's number counts as lost."""
 
 NUMBER = re.compile(rf"{PAIR}</span><span class=pm-num>([^<]*)<")
 TOLD = ("to its number", "median, 90 %, 99 % [ms]")
 
 
 def drag_text(parts: int, rate: float, subdivisions: int) -> str:
-    """The scene of display.py, with a part that rests beside the one to hold."""
+    """Return the scene of display.py, with a part at rest beside the part to drag."""
     text = scene_text(parts - 1, rate, 20.0).replace("pairs: all", f"{ANVIL}pairs: all")
     return text.replace("subdivisions: 5", f"subdivisions: {subdivisions}")
 
@@ -59,10 +59,10 @@ def percentiles(values: list[float]) -> str:
 
 
 class Hand:
-    """A connection that knows the part's number, and where its handles are."""
+    """A websocket client that drags the part, and reads its clearance and its handles' place."""
 
     def __init__(self, socket: ClientConnection) -> None:
-        """Choose the part, and wait until its number is there."""
+        """Choose the part, wait until its clearance is shown, and start the drag."""
         self._socket = socket
         self.number = ""
         self._place: list[float] | None = None
@@ -82,16 +82,16 @@ class Hand:
         self._socket.send(msgspec.msgpack.encode({"type": kind} | fields))
 
     def move(self, along: float) -> None:
-        """Move the handles to a place on the x axis through where they were."""
+        """Move the handles to `along` on the x axis, from where they were at first."""
         x, y, z = self._home
         there = {"wxyz": [1.0, 0.0, 0.0, 0.0], "position": [x + along, y, z]}
         self.say("TransformControlsUpdateMessage", name="/gizmo", owner=self._owner, **there)
 
     def hear(self, timeout_s: float) -> None:
-        """Take in what comes next.
+        """Receive the next messages and take from them what the drag needs.
 
         Raises:
-            TimeoutError: nothing comes.
+            TimeoutError: nothing comes in time.
         """
         for message in _messages(self._socket.recv(timeout=timeout_s)):
             kind = message["type"]
@@ -109,7 +109,7 @@ class Hand:
                     self.number = found[1]
 
     def rest(self, seconds: float) -> None:
-        """Take in what comes for a while."""
+        """Receive messages for so many seconds."""
         ends = time.monotonic() + seconds
         while (left := ends - time.monotonic()) > 0.0:
             try:
@@ -125,7 +125,7 @@ def _messages(data: bytes) -> Iterator[dict[str, Any]]:
 
 
 def took(hand: Hand, steps: int) -> list[float]:
-    """Move in steps, and return the times (ms) to their numbers; what is lost is infinite."""
+    """Move in steps, and return the times (ms) until the number changes; infinite if lost."""
     rng, found = random.Random(2), []
     for i in range(steps):
         before, began = hand.number, time.monotonic()
@@ -134,12 +134,12 @@ def took(hand: Hand, steps: int) -> list[float]:
             hand.hear(LOST_S)
         lost = hand.number == before
         found.append(float("inf") if lost else 1e3 * (time.monotonic() - began))
-        hand.rest(rng.uniform(0.15, 0.25))  # in no step with the monitor's ticks
+        hand.rest(rng.uniform(0.15, 0.25))  # at random: out of step with the ticks
     return found
 
 
 def main() -> int:
-    """Measure and print."""
+    """Measure, print and return the exit status."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--steps", type=int, default=300, help="of the drag (default: 300)")
     parser.add_argument("--parts", type=int, default=20, help="how many parts (default: 20)")
@@ -163,7 +163,7 @@ def main() -> int:
                 max_size=None, compression=None, ping_timeout=None,
             ) as socket:  # fmt: skip
                 hand = Hand(socket)
-                took(hand, 4)  # it is taken, and its player lets it go
+                took(hand, 4)  # not counted: the drag begins, and the player releases the part
                 used, began = [child.seconds() for child in children], time.monotonic()
                 times = took(hand, chosen.steps)
                 lasted = time.monotonic() - began

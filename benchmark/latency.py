@@ -5,11 +5,10 @@
 
 The monitor runs as users start it, in a process of its own. This process publishes a pose at a
 steady rate and takes the time until the closest points of that very pose arrive (their `stamp`
-says so). In between, at the same rate and in the same run, it sends the same message to an echo,
-one rclpy callback in a third process that publishes what it gets: the least that any node could
-take. Both ways the message, the middleware and this process's share are the same: it looks for the
-stamp in what arrives as it was serialised, so that neither time includes making Python objects of
-the answer.
+says so). In between, at the same rate and in the same run, it sends the same message to an echo: a
+third process whose one rclpy callback publishes what it receives. No node could be faster. Message,
+middleware and this process's own work are the same for both. This process looks for the stamp in
+the answer as it arrives, serialised, so that neither time includes making Python objects of it.
 """
 
 from __future__ import annotations
@@ -41,10 +40,10 @@ bodies:
   - {name: probe, primitive: {sphere: {radius: 20, subdivisions: 3}}, moving: true}
 """
 START_S = 240.0  # the first start on a machine compiles the kernels
-LATE_S = 1.0  # what has not come back by then is lost
+LATE_S = 1.0  # an answer that takes longer is lost
 TO_POINTS, BARE = "pose to closest points", "bare round trip"
 POINTS, ECHOED = "proximity_monitor/closest_points", "echoed"
-# A pose's stamp in the answer: as the monitor writes it, and as it is in a header.
+# A pose's stamp in the answer: as text from the monitor, and as serialised in a header.
 AS_WRITTEN = {
     TO_POINTS: lambda seconds, nanoseconds: f"{seconds}.{nanoseconds:09d}".encode(),
     BARE: struct.Struct("<iI").pack,
@@ -128,7 +127,7 @@ def _measure(
     taken: dict[str, list[float]] = {what: [] for what in publishers}
 
     def send(what: str, angle: float) -> float | None:
-        """Publish a pose and wait for its answer; None where none came."""
+        """Publish a pose, wait for its answer, and return the seconds; None if none came."""
         nonlocal awaited, arrived
         message = PoseStamped()
         message.header.frame_id = "world"
@@ -152,7 +151,7 @@ def _measure(
                 if time.perf_counter() > deadline or any(p.poll() is not None for p in processes):
                     raise RuntimeError(f"no answer for the {what}")
         for i in range(int(seconds * rate_hz)):
-            # Half a period apart, so that neither sees the other's work.
+            # Half a period apart, so that neither is slowed by the other's work.
             due = time.perf_counter()
             for what in publishers:
                 latency = send(what, 2.0 * np.pi * i / (5.0 * rate_hz))
@@ -168,7 +167,7 @@ def _measure(
 
 
 def _echo() -> int:
-    """Publish on one topic what comes on another, until a signal."""
+    """Republish on one topic what arrives on another, until a signal; return the exit code."""
     import rclpy
     from geometry_msgs.msg import PoseStamped
     from rclpy.executors import ExternalShutdownException

@@ -1,4 +1,4 @@
-"""One scene, all engines side by side: times, work, sizes, and whether the answers agree."""
+"""Measure one scene with all engines side by side: times, work, sizes, and agreement."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from proximity_monitor.study.scenes import StudyScene, Track
 REL_ERR = 0.1
 
 Bounds = NDArray[np.float64]
-"""(2, k) metres: lower and upper bounds; the same for an engine that gives a distance alone."""
+"""(2, k) metres: lower and upper bounds, which are equal if an engine gives only a distance."""
 
 
 class Single:
-    """This engine, one call from Python a query; each pair remembers its last answer."""
+    """This engine, one call from Python for each query; each pair remembers its last answer."""
 
     def __init__(self, name: str, rel_err: float) -> None:
         self.name = name
@@ -33,7 +33,7 @@ class Single:
         self._pairs: dict[int, engine.Pair] = {}
 
     def queries(self, a: Any, b: Any, track: Track, steps: slice) -> list[Callable[[], Any]]:
-        """A function for each step."""
+        """Return a function for each step."""
         pair = self._pairs.setdefault(id(track), engine.Pair(a, b))
         return [
             partial(pair.distance, p, q, rel_err=self._rel_err)
@@ -41,7 +41,7 @@ class Single:
         ]
 
     def bounds(self, answers: list[engine.Distance]) -> Bounds:
-        """The answers' bounds; takes note of the tests made and of the witness points."""
+        """Return the answers' bounds; record their tests and the error of their witness points."""
         self.tests += [(d.bound_tests, d.primitive_tests) for d in answers]
         for d in answers:
             error = abs(float(np.linalg.norm(d.point_a - d.point_b)) - d.upper)
@@ -50,35 +50,35 @@ class Single:
 
 
 class Batch:
-    """This engine, one call for all poses of a block: they share what Python costs."""
+    """This engine, one call for all poses of a block, which share the overhead of Python."""
 
     def __init__(self, name: str, rel_err: float) -> None:
         self.name = name
         self._rel_err = rel_err
 
     def queries(self, a: Any, b: Any, track: Track, steps: slice) -> list[Callable[[], Any]]:
-        """One function for all steps."""
+        """Return one function for all steps."""
         poses = {"poses_a": track.poses_a[steps], "poses_b": track.poses_b[steps]}
         return [partial(engine.distances, a=a, b=b, **poses, rel_err=self._rel_err)]
 
     def bounds(self, answers: list[Distances]) -> Bounds:
-        """The answers' bounds."""
+        """Return the answers' bounds."""
         return np.concatenate([(d.lower, d.upper) for d in answers], axis=1)
 
 
 class Peer:
-    """A C++ library, one call from Python a query."""
+    """A C++ library, one call from Python for each query."""
 
     def __init__(self, library: Fcl | Coal) -> None:
         self.name = library.name
         self._library = library
 
     def queries(self, a: Any, b: Any, track: Track, steps: slice) -> list[Callable[[], Any]]:
-        """A function for each step."""
+        """Return a function for each step."""
         return self._library.queries(a, track.poses_a[steps], b, track.poses_b[steps])
 
     def bounds(self, answers: list[float]) -> Bounds:
-        """The distances; that of crossing bodies is 0, whatever a library says."""
+        """Return the distances; any negative one (of crossing bodies) becomes 0."""
         return np.maximum((answers, answers), 0.0)
 
 
@@ -91,16 +91,16 @@ def measure(
     quick: bool,
     advance: Callable[[float], None],
 ) -> dict[str, float]:
-    """Time a scene; returns the columns by name, times in microseconds a query.
+    """Time a scene; return the columns by name, times in microseconds a query.
 
     The engines take turns, block by block of successive steps, and each block begins with another
-    engine: a machine that is disturbed is so for all of them.
+    engine. So a disturbance of the machine affects all of them.
 
     Args:
-        scene: what to ask.
-        libraries: whom to compare with.
+        scene: the models and poses to ask about.
+        libraries: the peers to compare with.
         quick: take a few blocks only, spread over the steps.
-        advance: is told after each block which share of the work it was.
+        advance: called after each block with the block's share of the work.
     """
     models, row = _build(scene, libraries)
     exact, rough = Single("ours", 0.0), Single("ours_10", REL_ERR)
@@ -145,9 +145,9 @@ def measure(
 def _build(
     scene: StudyScene, libraries: Sequence[Fcl | Coal]
 ) -> tuple[dict[str, dict[str, Any]], dict[str, float]]:
-    """Models by engine and mesh, and what they cost: seconds (the best of three), bytes.
+    """Return models by engine and mesh, and a row of what they cost: seconds (best of 3), bytes.
 
-    Timed is everything from arrays of vertices and faces to a model that can be asked.
+    The time covers everything from arrays of vertices and faces to a model that can be asked.
     """
     builders = {"ours": lambda mesh: engine.TriangleMesh(*mesh)}
     builders |= {library.name: library.build for library in libraries}
@@ -167,7 +167,7 @@ def _build(
 
 
 def _bytes(mesh: engine.TriangleMesh) -> int:
-    """All arrays of a mesh and of its hierarchy."""
+    """Return the size of all arrays of a mesh's hierarchy."""
     hierarchy = mesh._hierarchy
     values = [getattr(hierarchy, name) for name in hierarchy.__slots__]
     return sum(v.nbytes for v in (*values, *hierarchy.tree) if isinstance(v, np.ndarray))
@@ -176,7 +176,7 @@ def _bytes(mesh: engine.TriangleMesh) -> int:
 def _ideal(
     models: dict[str, engine.TriangleMesh], tracks: list[Track], steps: NDArray[np.int64]
 ) -> float:
-    """Mean number of bound tests of exact searches that are given the distance beforehand."""
+    """Return the mean bound tests of exact searches that are given the distance beforehand."""
     tests = []
     for track in tracks:
         pair = engine.Pair(models[track.a], models[track.b])
@@ -188,7 +188,7 @@ def _ideal(
 def _ask(
     entrant: Entrant, models: dict[str, dict[str, Any]], tracks: list[Track], steps: slice
 ) -> tuple[NDArray[np.float64], Bounds]:
-    """Seconds for each query of a block, without those given to other programs; the answers."""
+    """Return the seconds of each query of a block (processor time of this thread), and bounds."""
     own = models.get(entrant.name, models["ours"])
     queries = [q for t in tracks for q in entrant.queries(own[t.a], own[t.b], t, steps)]
     seconds, answers = np.empty(len(queries)), []
@@ -205,9 +205,9 @@ def _ask(
 
 
 def _disagreement(bounds: dict[str, Bounds], size: float) -> float:
-    """How far any two answers contradict each other, as a share of the scene's scale.
+    """Return how far any two answers contradict each other, as a share of the query's scale.
 
-    The scale of a query is the larger body's radius and the distance together.
+    The scale of a query is the larger body's radius plus the distance.
     """
     exact = bounds["ours"]
     errors = []

@@ -1,8 +1,8 @@
-"""OCCT (`cadquery-ocp`) behind the interface of peers.py: faces, and their distances.
+"""OCCT (`cadquery-ocp`) behind an interface like that of peers.py: shapes, and their distances.
 
-Timed is `BRepExtrema_DistShapeShape` alone, constructed and performed for one query: shapes are
-moved to their poses before. Its deflection is left at its default; a looser one changes nothing
-that was measured here. Only one thread works (`SetMultiThread(False)`).
+Only the construction and `Perform` of `BRepExtrema_DistShapeShape` for one query are timed: shapes
+are moved to their poses before. The deflection keeps its default; a looser one changed no result
+measured here. OCCT uses one thread (`SetMultiThread(False)`).
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ from proximity_monitor import engine
 
 
 def version() -> str | None:
-    """Which one is installed, if any."""
+    """Return the installed version of cadquery-ocp, or None."""
     return metadata.version("cadquery-ocp") if find_spec("OCP") else None
 
 
 def _arrays() -> ModuleType:
-    """Where its arrays are: OCCT 8 moved them."""
+    """Return the module of OCCT's arrays, which OCCT 8 moved."""
     return import_module("OCP.collections" if find_spec("OCP.collections") else "OCP.TColgp")
 
 
 def _array(kind: str, values: NDArray[np.float64], make: Callable = float) -> Any:
-    """One of its arrays, counted from 1; of numbers, or of points where the last axis is 3."""
+    """Return an OCCT array, indexed from 1, of numbers or of points (last axis: x, y, z)."""
     if find_spec("OCP.collections"):
         types = {"double": "double", "int": "int", "points": "gp_Pnt"}
         shape = values.shape[: -1 if kind == "points" else None]
@@ -53,7 +53,7 @@ def _array(kind: str, values: NDArray[np.float64], make: Callable = float) -> An
 
 
 def face(net: Any) -> Any:
-    """A face of a patch's control net: of all of its surface."""
+    """Return a face that covers the whole surface of a patch's control net."""
     gp = import_module("OCP.gp")
     geom = import_module("OCP.Geom")
     p, q = net.degrees
@@ -71,7 +71,7 @@ def face(net: Any) -> Any:
 
 
 def shape(model: engine.ParametricSurface) -> Any:
-    """All patches of a model as one compound; a single one as its face."""
+    """Return all patches of a model as one compound, or a single patch as its face."""
     faces = [face(net) for net in model.nets]
     if len(faces) == 1:
         return faces[0]
@@ -85,19 +85,19 @@ def shape(model: engine.ParametricSurface) -> Any:
 
 
 def torus(major: float, minor: float) -> Any:
-    """A torus about z, of its own toroidal surface."""
+    """Return a torus about z, as OCCT's own toroidal surface."""
     return import_module("OCP.BRepPrimAPI").BRepPrimAPI_MakeTorus(major, minor).Shape()
 
 
 def point(place: NDArray[np.float64]) -> Any:
-    """A vertex."""
+    """Return a vertex at a place."""
     gp = import_module("OCP.gp")
     builder = import_module("OCP.BRepBuilderAPI")
     return builder.BRepBuilderAPI_MakeVertex(gp.gp_Pnt(*map(float, place))).Vertex()
 
 
 def placed(shape: Any, pose: NDArray[np.float64]) -> Any:
-    """A shape at a pose."""
+    """Return a shape moved to a pose."""
     gp = import_module("OCP.gp")
     location = import_module("OCP.TopLoc")
     motion = gp.gp_Trsf()
@@ -106,7 +106,7 @@ def placed(shape: Any, pose: NDArray[np.float64]) -> Any:
 
 
 def query(a: Any, b: Any) -> Callable[[], float]:
-    """A function that answers the distance of two shapes."""
+    """Return a function that computes the distance of two shapes; NaN if OCCT fails."""
     extrema = import_module("OCP.BRepExtrema")
 
     def ask() -> float:

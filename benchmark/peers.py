@@ -1,21 +1,22 @@
-"""The C++ libraries behind one interface, so that they and this engine are timed alike.
+"""Put the C++ libraries behind one interface, so that they and this engine are timed alike.
 
-What is timed is one call from Python that answers one query. Models, transforms, collision
-objects and the objects that take the answers are made before. The peers' nearest points are asked
-for, because this engine always gives them; fetching coal's into Python is left out, in its favour.
+The timed unit is one call from Python that answers one query. Models, transforms, collision
+objects and the objects that take the answers are made before. The peers are asked for nearest
+points, because this engine always gives them. Fetching coal's points into Python is not timed,
+which favours coal.
 
-Settings, each tried against its alternatives on four scenes:
+Each setting was tried against its alternatives on four scenes:
 
-- Both use their `OBBRSS` hierarchy with one triangle a leaf; distance queries descend by its
-  rectangle swept spheres alone, nearer child first. python-fcl offers no other, coal's `OBB`
-  needs five times as long.
+- Both use their `OBBRSS` hierarchy with one triangle a leaf. Distance queries descend by its
+  rectangle swept spheres alone, nearer child first. python-fcl offers no other hierarchy; coal's
+  `OBB` needs five times as long.
 - coal's `ComputeDistance` looks the algorithm up once, and is 3 % faster than `coal.distance`.
-- Signed distances and nearest points change 2 % at most. The order of the two models changes
-  nothing, but in the cave the smaller model first saves a seventh: all scenes have it first.
-- Neither has a relative error between meshes: python-fcl offers none, and coal 3.0 copies
-  `rel_err` before it has the request, so 0.5 gives the answer of 0 in the time of 0. Hence both
-  are compared by their exact query alone.
-- Neither remembers anything from one query to the next, neither starts threads.
+- Signed distances and nearest points change the time by at most 2 %. The order of the two models
+  matters in the cave alone, where the smaller model first saves a seventh; all scenes do so.
+- Neither has a relative error between meshes. python-fcl offers none. coal 3.0 copies `rel_err`
+  before the request is set, so that 0.5 gives the answer of 0 in the time of 0. Hence only their
+  exact queries are compared.
+- Neither remembers anything from one query to the next, and neither starts threads.
 """
 
 from __future__ import annotations
@@ -45,7 +46,7 @@ class Fcl:
         self._library = library
 
     def build(self, mesh: Mesh) -> Any:
-        """A model with its hierarchy."""
+        """Return a model with its hierarchy."""
         vertices, faces = mesh
         model = self._library.BVHModel()
         model.beginModel(len(faces), len(vertices))
@@ -54,7 +55,7 @@ class Fcl:
         return model
 
     def queries(self, a: Any, poses_a: Poses, b: Any, poses_b: Poses) -> Queries:
-        """A function for each pose that returns the distance and keeps the nearest points."""
+        """Return a function for each pose: it gives the distance, and keeps the nearest points."""
         library = self._library
         request = library.DistanceRequest(enable_nearest_points=True)
 
@@ -76,7 +77,7 @@ class Coal:
         self._library = library
 
     def build(self, mesh: Mesh) -> Any:
-        """A model with its hierarchy."""
+        """Return a model with its hierarchy."""
         vertices, faces = mesh
         model = self._library.BVHModelOBBRSS()
         model.beginModel(len(faces), len(vertices))
@@ -86,17 +87,18 @@ class Coal:
         return model
 
     def queries(self, a: Any, poses_a: Poses, b: Any, poses_b: Poses) -> Queries:
-        """A function for each pose that returns the distance and keeps the nearest points."""
+        """Return a function for each pose: it gives the distance, and keeps the nearest points."""
         library = self._library
         compute = library.ComputeDistance(a, b)
-        # By attribute: the constructor's own argument `abs_err` sets the relative error.
+        # Set as an attribute: the constructor's argument `abs_err` sets the relative error.
         request = library.DistanceRequest()
         request.enable_signed_distance = False
 
         def at(pose: Poses) -> Any:
             return library.Transform3s(pose[:3, :3].copy(), pose[:3, 3].copy())
 
-        # An answer that was used before would be taken for an upper bound.
+        # A fresh result for each query: coal would take the distance in a used one for an upper
+        # bound.
         return [
             partial(compute, at(p), at(q), request, library.DistanceResult())
             for p, q in zip(poses_a, poses_b, strict=True)
@@ -104,10 +106,10 @@ class Coal:
 
 
 def installed() -> list[Fcl | Coal]:
-    """The peers that can be imported here."""
+    """Return the peers that can be imported here."""
     return [peer(import_module(peer.name)) for peer in (Fcl, Coal) if find_spec(peer.name)]
 
 
 def version(peer: Fcl | Coal) -> str:
-    """Its package and version."""
+    """Return the peer's package and version."""
     return f"{peer.package} {metadata.version(peer.package)}"

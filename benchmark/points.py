@@ -2,8 +2,8 @@
 
     python benchmark/points.py [--points N]
 
-Timed is the processor time, of all threads, of one call for a block of points. Arrays are as
-each library likes them (fcpw: float32, column-major), and fcpw's list for the answers is made
+Measures the processor time, of all threads, of one call for a block of points. Each library gets
+arrays in its preferred layout (fcpw: float32, column-major). fcpw's list for the answers is made
 before. fcpw builds its tree by the surface area heuristic, the fastest of its five; `vectorize`
 changes nothing in the published wheels.
 """
@@ -23,15 +23,15 @@ from proximity_monitor.study import shapes
 
 _BLOCK = 10_000
 _SINGLE = 1e-5
-"""By how much distances may differ that were computed with six digits."""
+"""By how much the distances may differ: fcpw computes with six digits."""
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the command line; returns the exit status."""
+    """Run the command line and return the exit status."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--points", type=int, default=200_000, help="how many (%(default)s)")
     count = parser.parse_args(arguments).points
-    # Before fcpw can count processors: it would share a block among them.
+    # Must come before fcpw counts the processors: it would share a block among them.
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
     try:

@@ -2,9 +2,9 @@
 
     python benchmark/pqp.py DIR [--scene NAME ...] [--quick] [--out DIR] [--data DIR]
 
-DIR holds PQP's own sources (PQP.cpp and its headers, version 1.3), which whoever measures fetches
-himself: its licence is for research and education, and no part of it is kept here. They are
-compiled with the system's compiler ($CXX, or c++). Prints a table in Markdown; writes pqp.csv.
+DIR holds PQP's own sources (PQP.cpp and its headers, version 1.3). Users must fetch them: their
+licence is for research and education, so no part of them is kept here. They are compiled with the
+system's compiler ($CXX, or c++). Prints a table in Markdown; writes pqp.csv.
 """
 
 from __future__ import annotations
@@ -45,17 +45,17 @@ the distance, for the same error.
 SOURCES = ("PQP.cpp", "BV.cpp", "Build.cpp", "TriDist.cpp")
 SETTINGS = tuple((queue, cached) for queue in (2, 100) for cached in (1, 0))
 BATCH, FEW, SLOW_S = 256, 12, 0.001
-"""Poses of a block; and where one takes PQP so many seconds."""
+"""Poses of a block: BATCH, or FEW if the scene's first query takes PQP SLOW_S seconds or more."""
 ROUNDS, BLOCKS, QUICK, IDEAL = 5, 12, 3, 48
-"""How often a block is asked; how many blocks; and how many poses are asked of the ideal search."""
+"""How often a block is asked; blocks of a scene, and with --quick; poses for the ideal search."""
 HOPELESS, LONG_S = 1.25, 0.1
-"""A setting that took so many times as long as the best is given up; and a block that PQP takes so
-many seconds for is asked once."""
+"""A setting that took HOPELESS times as long as the best one so far is given up. A block that
+takes PQP more than LONG_S seconds is asked once."""
 WIDTH = 16
 
 
 class Question(NamedTuple):
-    """One question to both: a relative error, or a share of the scene's median distance."""
+    """One question to both engines: an error, or a clearance as a share of the median distance."""
 
     name: str
     rel_err: float = 0.0
@@ -75,8 +75,8 @@ class Pqp:
     """PQP, compiled from its sources.
 
     Raises:
-        FileNotFoundError: they are not there.
-        subprocess.CalledProcessError: they do not compile.
+        FileNotFoundError: the sources are not there.
+        subprocess.CalledProcessError: the sources do not compile.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -102,7 +102,7 @@ class Pqp:
         ]  # fmt: skip
 
     def model(self, mesh: Mesh) -> int:
-        """A model; it stays until the process ends."""
+        """Return the address of a model; it stays until the process ends."""
         vertices, faces = mesh
         corners = np.ascontiguousarray(vertices[faces].reshape(-1, 9), np.float64)
         return self._library.make_model(_reals(corners), len(corners))
@@ -111,7 +111,7 @@ class Pqp:
         self, a: int, b: int, poses_a: NDArray, poses_b: NDArray, question: Question,
         clearance: float, setting: tuple[int, int],
     ) -> tuple[float, NDArray[np.float64], int]:  # fmt: skip
-        """Seconds of a block, its answers, and how many bound tests it took."""
+        """Return the seconds of a block, its answers, and how many bound tests it took."""
         answers, tests = np.empty(len(poses_a)), ctypes.c_long()
         seconds = self._library.ask(
             a, b, _reals(poses_a), _reals(poses_b), len(poses_a), question.rel_err,
@@ -133,7 +133,7 @@ class Block(NamedTuple):
 
 
 def blocks_of(scene: StudyScene, count: int, length: int) -> list[Block]:
-    """About so many blocks of a length, spread evenly over the tracks and their steps."""
+    """Return about `count` blocks of `length` poses, spread evenly over the tracks and steps."""
     every = [
         Block(track, track.poses_a[k : k + length], track.poses_b[k : k + length])
         for k in range(0, len(scene.tracks[0].poses_a), length)
@@ -144,10 +144,10 @@ def blocks_of(scene: StudyScene, count: int, length: int) -> list[Block]:
 
 
 def measure(scene: StudyScene, pqp: Pqp, quick: bool) -> list[dict[str, float]]:
-    """A row for each question.
+    """Return a row for each question.
 
     Raises:
-        AssertionError: the two contradict each other.
+        AssertionError: the two engines contradict each other.
     """
     ours = {name: engine.TriangleMesh(*mesh) for name, mesh in scene.meshes.items()}
     theirs = {name: pqp.model(mesh) for name, mesh in scene.meshes.items()}
@@ -216,7 +216,7 @@ def _ours(
 def _compare(
     question: Question, clearance: float, found: Distances, answers: NDArray, exact: NDArray
 ) -> None:
-    """See that both answers are true, right to a millionth.
+    """Check that the answers of both engines are right to a millionth.
 
     Raises:
         AssertionError: they are not.
@@ -235,7 +235,7 @@ def _compare(
 def _to_ideal(
     models: dict[str, engine.TriangleMesh], blocks: list[Block], question: Question
 ) -> float:
-    """How many times the openings of the ideal search, at some of the poses."""
+    """Return our openings over those of the ideal search, at some poses; NaN for a clearance."""
     if question.share is not None:
         return np.nan
     tests = np.zeros(2)
@@ -251,7 +251,7 @@ def _to_ideal(
 
 
 def table(scenes: dict[str, StudyScene], pqp: Pqp, quick: bool, out: Path) -> str:
-    """Measure scenes, write pqp.csv, and return what is to be read of it, in Markdown."""
+    """Measure scenes, write pqp.csv, and return a summary of it in Markdown."""
     rows = []
     for name, make in scenes.items():
         print(f"PQP beside ours: {name}", file=sys.stderr)

@@ -1,4 +1,4 @@
-"""Scenes from outside the repository: each is there only where its data is."""
+"""Scenes from outside the repository; each is available only if its data is installed."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from proximity_monitor.study.scenes import StudyScene, Track, identities, rotati
 from proximity_monitor.study.shapes import Mesh
 
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
-"""Where the recorded data lies unless --data or PROXIMITY_MONITOR_DATA says otherwise."""
+"""Folder of the recorded data unless --data or PROXIMITY_MONITOR_DATA says otherwise."""
 
 PANDA_LINKS = (*(f"link{i}" for i in range(8)), "hand")
 
 
 def available(data: Path | None) -> dict[str, Callable[[], StudyScene]]:
-    """The scenes whose data can be found, by name.
+    """Return the scenes whose data can be found, by name.
 
     Args:
         data: the folder that holds the folder `falling_tori`; None: look in the usual places.
@@ -38,15 +38,15 @@ def available(data: Path | None) -> dict[str, Callable[[], StudyScene]]:
     if urdf := panda_description():
         meshes = urdf.parents[1] / "meshes"
         found["panda/collision"] = partial(panda, urdf, meshes / "collision", ".stl")
-        if importlib.util.find_spec("collada"):  # what trimesh reads .dae files with
+        if importlib.util.find_spec("collada"):  # trimesh needs it to read .dae files
             found["panda/visual"] = partial(panda, urdf, meshes / "visual", ".dae")
     return found
 
 
 def panda_description() -> Path | None:
-    """The robot's description in `example-robot-data`, or None where that is not installed.
+    """Return the robot's description in `example-robot-data`, or None if that is not installed.
 
-    The package is data alone, hence no import.
+    The package holds only data, so it is not imported.
     """
     try:
         files = metadata.files("example-robot-data") or []
@@ -59,7 +59,7 @@ def panda_description() -> Path | None:
 
 
 def panda(urdf: Path, folder: Path, suffix: str) -> StudyScene:
-    """The links of a Panda arm that no joint connects, while all seven joints swing."""
+    """Return the links of a Panda arm, all seven joints swinging: pairs that no joint connects."""
     steps = 384
     share = np.linspace(0.0, 1.0, steps)
     parents = {}
@@ -85,7 +85,7 @@ def panda(urdf: Path, folder: Path, suffix: str) -> StudyScene:
 
 
 def _origin(xyz: str, rpy: str) -> NDArray[np.float64]:
-    """A URDF joint's origin: turns about the fixed x, y and z axes in this order."""
+    """Return a URDF joint's origin: rotations about the fixed x, y and z axes, in this order."""
     pose = np.eye(4)
     for axis, angle in zip(np.eye(3), map(float, rpy.split()), strict=True):
         pose = rotation_poses(axis, np.array([angle]))[0] @ pose

@@ -2,20 +2,20 @@
 
     python benchmark/revolution.py [--quick] [--frames N] [--finest N] [--out DIR]
 
-It writes a page, DIR/revolution.md, and its figures, DIR/images/revolution_*.png; with `--out docs`
-those of the documents.
+Writes a page, DIR/revolution.md, and its figures, DIR/images/revolution_*.png. With `--out docs`
+it replaces those of the documentation.
 
-The five solids of the bundled scene `chess`, scaled to a largest coordinate of 1 m, after Son,
-Yoon, Kim and Elber, "Efficient Minimum Distance Computation for Solids of Revolution", 2020: all 15
-pairs, at random poses and along a motion, at the precisions 1e-3, 1e-4 and 1e-5 m (their Figure
-12); the size and the building of hierarchies (their Tables 1 and 2, and Figure 9); a sixth solid
-that morphs through the five (their Figure 8), and all five deforming at once; exact answers beside
-OCCT's, of the five and of two tori; and how deep they overlap.
+The models are the five solids of the bundled scene `chess`, scaled to a largest coordinate of 1 m,
+after Son, Yoon, Kim and Elber, "Efficient Minimum Distance Computation for Solids of Revolution",
+2020. The page covers: all 15 pairs, at random poses and along a motion, at the precisions 1e-3,
+1e-4 and 1e-5 m (their Figure 12); the size and the building of hierarchies (their Tables 1 and 2,
+and Figure 9); a sixth solid that morphs through the five (their Figure 8), and all five deforming
+at once; exact answers beside OCCT's, for the five solids and for two tori; and depths of overlap.
 
-Meshes have so many triangles that no chord is farther from the solid than the precision; FCL and
-this engine get the same. Where they would have more than --finest triangles, a mesh of that many is
-taken, and the table says `fewer`. Times are processor time, microseconds, medians over all pairs.
-Ends with status 1 where two answers contradict each other.
+A mesh has enough triangles that no chord is farther from the solid than the precision. FCL and this
+engine get the same mesh. If it would need more than --finest triangles, it is made coarser, and the
+table says `fewer`. Times are processor time, microseconds, medians over all pairs. Ends with status
+1 if two answers contradict each other.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ BESIDE_OCCT = ["queries", "fat arcs, us", "max", "OCCT", "ratio", "open", "OCCT 
 
 
 def solids() -> dict[str, engine.SolidOfRevolution]:
-    """The five solids, of a largest coordinate of 1 m."""
+    """Return the five solids, each scaled to a largest coordinate of 1 m."""
     made = {}
     for name in NAMES:
         solid = engine.load(MODELS / f"{name}.json", unit=1.0)
@@ -71,9 +71,9 @@ def solids() -> dict[str, engine.SolidOfRevolution]:
 def tessellated(
     solid: engine.SolidOfRevolution, precision: float, most: int
 ) -> tuple[NDArray[np.float64], NDArray[np.int32], float]:
-    """Vertices and faces no farther from the solid than the precision, and how far they may be.
+    """Return vertices, faces, and by how much they may be off the solid, metres.
 
-    That is more where there would be more triangles than `most`.
+    That is `precision`, or more if the mesh would have more triangles than `most`.
     """
     while True:
         points = _polygon(solid, 0.5 * precision)
@@ -102,7 +102,7 @@ def tessellated(
 
 
 def _polygon(solid: engine.SolidOfRevolution, error: float) -> NDArray[np.float64]:
-    """Points of the profile, between which chords err by no more."""
+    """Return points of the profile whose chords err by at most `error` (m) at their middles."""
     rows = []
     for net in solid.profile.nets:
         along, _ = net.spans
@@ -123,7 +123,7 @@ def _polygon(solid: engine.SolidOfRevolution, error: float) -> NDArray[np.float6
 
 
 def poses(count: int, seed: int) -> NDArray[np.float64]:
-    """Random ones, from near to a few sizes away."""
+    """Return random poses (count, 4, 4), from near to a few sizes away."""
     rng = np.random.default_rng(seed)
     made = []
     for _ in range(count):
@@ -142,7 +142,7 @@ def _time(ask: Any, arguments: Any) -> tuple[NDArray[np.float64], list[Any]]:
 
 
 def _in_batch(a: Any, b: Any, many: NDArray[np.float64], how: dict[str, float]) -> float:
-    """Mean time of a question where all poses of b are asked about in one call, microseconds."""
+    """Return the mean time (microseconds) of one call that asks about all poses of b."""
     here = np.tile(HERE, (len(many), 1, 1))
     best = math.inf
     for _ in range(3):
@@ -153,7 +153,7 @@ def _in_batch(a: Any, b: Any, many: NDArray[np.float64], how: dict[str, float]) 
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the command line; returns the exit status."""
+    """Run the command line and return the exit status."""
     first, _, rest = __doc__.partition("\n")
     parser = argparse.ArgumentParser(
         description=first, epilog=rest, formatter_class=argparse.RawDescriptionHelpFormatter
@@ -167,7 +167,7 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     randoms, frames = (40, 300) if options.quick else (1000, options.frames)
     precisions = PRECISIONS[:2] if options.quick else PRECISIONS
-    gc.disable()  # to search all of numba's objects takes as long as thousands of questions
+    gc.disable()  # a collection over numba's objects takes as long as thousands of questions
     made = solids()
     sizes, built = _sizes(made, precisions, options.finest)
     distances, bars, wrong = _distances(made, precisions, randoms, frames, options.finest)
@@ -192,7 +192,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _sizes(made: dict, precisions: tuple, finest: int) -> tuple[str, dict]:
-    """The table of hierarchies; and how long each takes to build, milliseconds, by precision."""
+    """Return the table of hierarchies, and their build times (milliseconds) by precision."""
     rows, built = [], {precision: [] for precision in precisions}
     for name, solid in made.items():
         hierarchy = solid._hierarchy
@@ -227,7 +227,7 @@ def _sizes(made: dict, precisions: tuple, finest: int) -> tuple[str, dict]:
 def _distances(
     made: dict, precisions: tuple, randoms: int, frames: int, finest: int
 ) -> tuple[str, dict, int]:
-    """The table of times; the means along the motion of each pair by precision; contradictions."""
+    """Return the table of times, the means of each pair's motion by precision, contradictions."""
     fcl = next((each for each in peers.installed() if each.name == "fcl"), None)
     pairs = list(itertools.combinations_with_replacement(made, 2))
     rows, bars, wrong = [], {}, 0
@@ -247,7 +247,7 @@ def _distances(
             for key, models in (("r", made), ("m", ours)):
                 kwargs = {"abs_err": precision} if key == "r" else {}
                 for column, many in ((key, some), (key + "m", part)):
-                    # Made before, as are the objects, requests and answers of FCL.
+                    # Made before timing, as are the objects, requests and answers of FCL.
                     pair = engine.Pair(models[a], models[b], coherent=many is part)
                     pair.distance(HERE, HERE, budget_s=0.01)
                     times, answers = _time(partial(pair.distance, HERE, **kwargs), many)
@@ -292,7 +292,7 @@ def _distances(
 
 
 def _exact(made: dict, count: int) -> tuple[str, int]:
-    """Exact distances beside OCCT's, at random poses."""
+    """Return the table of exact distances beside OCCT's at random poses, and contradictions."""
     if occt.version() is None:
         return "cadquery-ocp is not installed.\n", 0
     shapes = {name: occt.shape(solid) for name, solid in made.items()}
@@ -307,7 +307,7 @@ def _exact(made: dict, count: int) -> tuple[str, int]:
 
 
 def _tori(count: int) -> tuple[str, int]:
-    """Exact distances of two equal tori beside OCCT's, by what OCCT has for a torus."""
+    """Return the table of two equal tori, by what OCCT has for a torus, and contradictions."""
     if occt.version() is None:
         return "cadquery-ocp is not installed.\n", 0
     solid = engine.shapes.torus(1.0, 0.3)
@@ -330,10 +330,11 @@ def _tori(count: int) -> tuple[str, int]:
 
 
 def _beside_occt(asked: list[tuple[Any, tuple[Any, Any, Any]]]) -> tuple[list[str], int]:
-    """The row of a table, and how many answers contradict ours.
+    """Return the row of a table, and how many of OCCT's answers contradict ours.
 
     Args:
-        asked: for each query what asks for our answer; OCCT's two shapes and the second one's pose.
+        asked: for each query a function that returns our answer; OCCT's two shapes, and the pose of
+            the second.
     """
     asks, shapes = zip(*asked, strict=True)
     for ask in asks:

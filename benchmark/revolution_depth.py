@@ -1,4 +1,4 @@
-"""How deep solids of revolution overlap, and how long that takes beside their meshes."""
+"""Measure how deep solids of revolution overlap, and how long that takes beside their meshes."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ FITTED = ["too wide by, m", "queries", "ms", "max", "bounds", "not to 1 %"]
 
 
 def overlapping(a: engine.Model, b: engine.Model, count: int, seed: int) -> NDArray[np.float64]:
-    """Poses (count, 4, 4) of b at which it certainly overlaps a."""
+    """Return poses (count, 4, 4) of b at which it certainly overlaps a."""
     rng = np.random.default_rng(seed)
     made: list[NDArray[np.float64]] = []
     while len(made) < count:
@@ -34,13 +34,16 @@ def overlapping(a: engine.Model, b: engine.Model, count: int, seed: int) -> NDAr
 def depths(
     solids: dict[str, engine.Model], meshes: dict[str, engine.Model], precision: float, count: int
 ) -> tuple[list[str], int]:
-    """The row of a table, and how many answers contradict each other.
+    """Time the depth of all pairs of solids and of their meshes, to 1 % of the depth.
 
     Args:
-        solids: of revolution.
-        meshes: of each.
-        precision: metres; how far a mesh is from its solid.
-        count: of poses of each pair of solids, to 1 % of the depth.
+        solids: of revolution, by name.
+        meshes: a mesh of each solid, by the same name.
+        precision: metres; how far a mesh may be from its solid.
+        count: how many poses of each pair are asked about.
+
+    Returns:
+        The row of a table, and how many answers contradict each other.
     """
     times: dict[str, list[float]] = {"arcs": [], "meshes": []}
     points: dict[str, list[int]] = {"arcs": [], "meshes": []}
@@ -58,7 +61,7 @@ def depths(
                 times[key].append(1e3 * (thread_time() - start))
                 points[key].append(answer.primitive_tests)
                 found[-1].append(answer)
-        for arcs, mesh in zip(*found, strict=True):  # the largest ball is that much larger at most
+        for arcs, mesh in zip(*found, strict=True):  # how much larger a ball can be in a mesh
             wrong += arcs.lower > mesh.upper + 4.0 * precision
             wrong += mesh.lower > arcs.upper + 4.0 * precision
     row = [str(len(times["arcs"]))]
@@ -69,10 +72,11 @@ def depths(
 
 
 def fits(count: int) -> tuple[list[list[str]], int]:
-    """The rows of a table of press fits, and how many answers contradict each other.
+    """Return the rows of a table of press fits, and how many answers contradict each other.
 
-    Shafts of a radius of 0.6 m and a bit, a metre long, in a bore of 0.6 m, each off its axis and
-    tilted by up to half of that bit, either way around, to 1 % of the depth.
+    A shaft is 1 m long, and its radius exceeds that of the bore, 0.6 m, by `wide`. It is off the
+    bore's axis and tilted by up to half of `wide`. Each pair is asked about in both orders, to 1 %
+    of the depth.
     """
     corners = np.array([[0.6, -0.5], [0.8, -0.5], [0.8, 0.5], [0.6, 0.5], [0.6, -0.5]])
     bore = engine.SolidOfRevolution([engine.Curve(corners[i : i + 2]) for i in range(4)])

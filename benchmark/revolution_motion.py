@@ -1,4 +1,4 @@
-"""Solids of revolution that move, and that deform as well: how long a frame takes."""
+"""Time solids of revolution that move, and that deform as well: how long a frame takes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ HERE = np.eye(4)
 
 
 def motion(count: int) -> NDArray[np.float64]:
-    """Around and to and fro, a thousandth of the size and of a turn at a time."""
+    """Return poses that circle and go to and fro, by 1/1000 of the size and of a turn a frame."""
     made = np.tile(np.eye(4), (count, 1, 1))
     for k in range(count):
         a, b = 2.0 * math.pi * k / 1000.0, 2.0 * math.pi * k / 1414.0
@@ -37,7 +37,7 @@ def _copy(solid: engine.SolidOfRevolution) -> engine.SolidOfRevolution:
 
 
 def morphing(made: dict, precisions: tuple, frames: int) -> tuple[str, dict]:
-    """A sixth solid, which morphs through the five, against each of them; milliseconds a frame."""
+    """Time a sixth solid that morphs through the five, against each of them; ms a frame."""
     shapes = [solid.control_points for solid in made.values()]
     path, found = motion(frames), {}
     for precision in precisions:
@@ -64,7 +64,7 @@ def morphing(made: dict, precisions: tuple, frames: int) -> tuple[str, dict]:
 
 
 def deforming(made: dict, frames: int) -> str:
-    """All ten pairs of five solids, each of which has another shape at each frame."""
+    """Time all ten pairs of five solids, each of which changes its shape at each frame."""
     shapes = {name: solid.control_points for name, solid in made.items()}
     moving = [_copy(solid) for solid in made.values()]
     ring = [*shapes.values()]

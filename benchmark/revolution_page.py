@@ -1,4 +1,4 @@
-"""The page and the figures that `benchmark/revolution.py` writes."""
+"""Write the page and the figures of `benchmark/revolution.py`."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ bounds in the median; and how many had wider bounds at the end.
 
 
 def table(headings: list[str], rows: list[list[str]]) -> str:
-    """A table in Markdown."""
+    """Return a table in Markdown."""
     lines = [headings, ["---"] * len(headings), *rows]
     return "".join(f"| {' | '.join(line)} |\n" for line in lines)
 
@@ -98,15 +98,15 @@ def table(headings: list[str], rows: list[list[str]]) -> str:
 def write_page(
     out: Path, command: str, frames: int, found: tuple[dict, dict, dict], tables: dict[str, str]
 ) -> str:
-    """Write the page and its figures to a folder; returns the page.
+    """Write the page and its figures to a folder, and return the page.
 
     Args:
         out: the folder.
-        command: what was run.
-        frames: of the motion.
-        found: by precision, metres: milliseconds that each tree takes to build; mean microseconds
-            of each pair, `rm` by fat arcs, `mm` by meshes, `fm` by FCL; milliseconds that each
-            frame takes to deform and to ask, for each solid.
+        command: the command that was run.
+        frames: how many frames the motion has.
+        found: three results, each by precision in metres: milliseconds to build each solid's tree;
+            mean microseconds of each pair, `rm` by fat arcs, `mm` by meshes, `fm` by FCL; and for
+            each solid the milliseconds a frame to deform and to ask.
         tables: Markdown, by their names in the page.
     """
     built, bars, morphed = found
@@ -132,7 +132,7 @@ def _finish(figure: plt.Figure, path: Path) -> None:
 
 
 def _put_legend(axes: plt.Axes, columns: int) -> None:
-    """Above the bars, as there are some everywhere below."""
+    """Put the legend above the axes, because bars fill the whole width below."""
     axes.legend(fontsize=7, ncols=columns, loc="lower left", bbox_to_anchor=(0.0, 1.0))
 
 

@@ -1,12 +1,11 @@
 """How far apart the links of a robot are, by pinocchio and coal: no code of this package.
 
-What a link is: the union of its collision shapes. A primitive is solid, and coal takes it so. Of a
-mesh, coal sees the triangles alone; that something is wholly inside a mesh that encloses a solid is
-found here, by the winding number of a point of each of its connected parts.
+A link is the union of its collision shapes. coal takes a primitive as solid, but a mesh as its
+triangles alone. This module itself finds what lies wholly inside a mesh that encloses a solid, by
+the winding number of a point of each connected part.
 
-Meshes are as pinocchio reads them, but for COLLADA files: where such a mesh has several lists of
-polygons, as the head of iCub, coal 3.0 gives the later ones the vertices of others. trimesh reads
-these.
+pinocchio reads all meshes but COLLADA files, which trimesh reads. If a COLLADA mesh has several
+lists of polygons, as the head of iCub has, coal 3.0 gives the later lists the wrong vertices.
 """
 
 from __future__ import annotations
@@ -22,36 +21,37 @@ import trimesh
 from numpy.typing import NDArray
 
 INSIDE = -1.0
-"""The distance (m) of what lies wholly inside a mesh: how deep is not asked."""
+"""Distance (m) reported for a shape that lies wholly inside a mesh; its depth is not computed."""
 
 _MOST = 10_000_000
-"""Solid angles that are computed at once."""
+"""Solid angles that are computed at once, at most."""
 
 
 class Mesh(NamedTuple):
-    """A mesh as coal has it, in its own frame."""
+    """A mesh of coal's, in its own frame."""
 
     vertices: NDArray[np.float64]
-    """(n, 3) metres, no two of them alike."""
+    """(n, 3) metres, all different."""
     faces: NDArray[np.int64]
-    """(m, 3)"""
+    """(m, 3) indices of vertices."""
     closed: bool
     """Whether it encloses a solid: each edge has as many triangles on one side as on the other."""
 
 
 class Truth:
-    """One robot."""
+    """The true distances between the links of one robot."""
 
     def __init__(self, urdf: Path, packages: Path, pairs: Sequence[tuple[str, str]]) -> None:
         """Read the description.
 
         Args:
             urdf: the description.
-            packages: the folder in which packages are.
+            packages: the folder that holds the packages.
             pairs: names of the links whose distance is asked for.
 
         Raises:
-            ValueError, RuntimeError: pinocchio cannot use it, or has no shape of a link.
+            ValueError, RuntimeError: pinocchio cannot use the description, or has no shape of a
+                link.
         """
         self._model = pinocchio.buildModelFromUrdf(str(urdf))
         kind = pinocchio.GeometryType.COLLISION
@@ -80,14 +80,14 @@ class Truth:
         self._data = self._model.createData()
         self._results = self._shapes.createData()
         for request in self._results.distanceRequests:
-            # By default coal's iterations for primitives end some micrometres too far.
+            # With its default settings, coal's GJK stops at a distance some micrometres too large.
             request.gjk_tolerance, request.gjk_max_iterations = 1e-10, 1000
 
     def at(self, positions: Mapping[str, float]) -> NDArray[np.float64]:
-        """Return the distance (m) of each pair; at most 0 where they touch or one is in the other.
+        """Return the distance (m) of each pair; at most 0 if they touch or one is inside the other.
 
         Args:
-            positions: of all joints by name, also of those that mimic others.
+            positions: of all joints by name, mimic joints included.
         """
         pinocchio.computeDistances(
             self._model, self._data, self._shapes, self._results, self._configuration(positions)
@@ -98,7 +98,7 @@ class Truth:
         return np.minimum.reduceat(found, self._starts)
 
     def poses(self) -> dict[str, NDArray[np.float64]]:
-        """Return the poses (4, 4) of the links, as of the last call of `at`."""
+        """Return the poses (4, 4) of the links at the positions of the last call of `at`."""
         pinocchio.updateFramePlacements(self._model, self._data)
         return {
             frame.name: placement.homogeneous
@@ -109,18 +109,18 @@ class Truth:
     def _configuration(self, positions: Mapping[str, float]) -> NDArray[np.float64]:
         q = pinocchio.neutral(self._model)
         joints = zip(self._model.names, self._model.joints, strict=True)
-        next(joints)  # the universe is no joint
+        next(joints)  # the first one is the universe, which is not a joint
         for name, joint in joints:
             if joint.nq == 1:
                 q[joint.idx_q] = positions[name]
-            elif joint.nq == 2:  # any number of turns: the point of the unit circle
+            elif joint.nq == 2:  # a joint without limits: a point on the unit circle
                 angle = positions[name]
                 q[joint.idx_q : joint.idx_q + 2] = np.cos(angle), np.sin(angle)
         return q
 
 
 class _Enclosures:
-    """What may lie wholly inside a mesh."""
+    """Finds the pairs in which one shape lies wholly inside the mesh of the other."""
 
     def __init__(self, meshes: Mapping[int, Mesh | None], pairs: Sequence[tuple[int, int]]) -> None:
         self._meshes = meshes
@@ -129,7 +129,7 @@ class _Enclosures:
             for i, mesh in meshes.items()
             if mesh is not None and mesh.closed
         }
-        # A point of each connected part; of a primitive its centre.
+        # A point of each connected part of a mesh; the centre of a primitive.
         self._points = {
             i: np.zeros((1, 3)) if mesh is None else _one_of_each(mesh)
             for i, mesh in meshes.items()
@@ -142,7 +142,7 @@ class _Enclosures:
         ]
 
     def hold(self, placements: Sequence[NDArray[np.float64]], apart: NDArray) -> list[int]:
-        """Which pairs of shapes are one in the other: those are `apart` (k,) by their surfaces."""
+        """Return the pairs with one shape inside the other; `apart` (k,) are surface distances."""
         found = []
         for k, outer, inner in self._asked:
             if not apart[k] > 0.0:
@@ -158,10 +158,10 @@ class _Enclosures:
 
 
 def _collada(shape: pinocchio.GeometryObject) -> coal.BVHModelOBBRSS:
-    """The mesh of a COLLADA file.
+    """Return the mesh of a COLLADA file, as trimesh reads it.
 
     Raises:
-        ValueError: it is not where pinocchio's is.
+        ValueError: it does not cover the same box as pinocchio's mesh.
     """
     read = trimesh.load(shape.meshPath, force="mesh", process=False)
     vertices = np.asarray(read.vertices) * shape.meshScale
@@ -178,7 +178,7 @@ def _collada(shape: pinocchio.GeometryObject) -> coal.BVHModelOBBRSS:
 
 
 def _mesh(shape: object) -> Mesh | None:
-    """The triangles of one of coal's shapes; None of a primitive."""
+    """Return the triangles of one of coal's shapes, or None for a primitive."""
     if not hasattr(shape, "num_tris"):
         return None
     triangles = map(shape.tri_indices, range(shape.num_tris))
@@ -193,7 +193,7 @@ def _mesh(shape: object) -> Mesh | None:
 
 
 def _one_of_each(mesh: Mesh) -> NDArray[np.float64]:
-    """A vertex of each connected part."""
+    """Return a vertex of each connected part."""
     label = np.arange(len(mesh.vertices))
     while True:
         lowest = label[mesh.faces].min(axis=1)
@@ -206,7 +206,7 @@ def _one_of_each(mesh: Mesh) -> NDArray[np.float64]:
 
 
 def _inside(points: NDArray[np.float64], mesh: Mesh) -> bool:
-    """Whether one of the points (k, 3) is inside a closed mesh: its winding number is not 0."""
+    """Return whether any point (k, 3) is inside a closed mesh: its winding number is not 0."""
     many = max(1, _MOST // len(mesh.faces))
     for start in range(0, len(points), many):
         a, b, c = (

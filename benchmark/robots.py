@@ -1,13 +1,13 @@
-"""Every pair of links of real robots, against pinocchio and coal: is any answer wrong?
+"""Check the answers about every pair of links of real robots against pinocchio and coal.
 
     python benchmark/robots.py [--robot NAME ...] [--configurations N] [--quick] [--out DIR]
                                [--before FILE]
 
-Each robot of `example-robot-data` is loaded as a scene would be, and watched by the scheduler of
-the node at random configurations within the limits of its joints. An answer is wrong if its bounds
-do not hold the distance that coal finds (to ALLOWANCE), or say that the links are apart where they
-touch or one is inside the other, or the other way round. Writes robots.csv and robots.md, prints
-the latter, and ends with status 1 where an answer is wrong.
+Each robot of `example-robot-data` is loaded as a scene would be. The node's scheduler watches it at
+random configurations within its joint limits. An answer is wrong if its bounds do not contain the
+distance that coal finds (to ALLOWANCE). It is also wrong if it says that links are apart although
+they touch or one is inside the other, or the other way round. Writes robots.csv and robots.md,
+prints robots.md, and ends with status 1 if an answer is wrong.
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ from proximity_monitor.scene.paths import model_path
 from proximity_monitor.scene.state import PoseSample
 
 ALLOWANCE = 1e-6
-"""Metres: as exact as coal's iterations for primitives are."""
+"""Metres; the accuracy of coal's iterations for primitives."""
 BUDGET_S = 3600.0
-"""Nothing is left out for want of time."""
+"""Long enough that no pair is left out for lack of time."""
 OUT = Path(__file__).resolve().parents[1] / "build" / "benchmark"
 QUICK = ("double_pendulum", "panda", "ur5_robot", "z1", "finger_edu")
 COLUMNS = "robot", "links", "pairs", "triangles", "answers", "wrong", "missed", "widest", "s"
@@ -53,7 +53,7 @@ between their limits (half a turn or a metre about 0 where they have none).
 
 
 class Row(NamedTuple):
-    """What came out for one robot."""
+    """The results of one robot."""
 
     robot: str
     links: int
@@ -63,13 +63,13 @@ class Row(NamedTuple):
     wrong: int
     missed: int
     widest: float
-    """Millimetres; of pairs that are apart."""
+    """Millimetres; widest bounds of a pair that is apart."""
     s: float
     examples: tuple[str, ...]
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the command line; returns the exit status."""
+    """Run the command line and return the exit status."""
     options = _parser().parse_args(arguments)
     try:
         root = model_path("package://example-robot-data/package.xml", Path("/")).parent
@@ -96,7 +96,7 @@ def main(arguments: list[str] | None = None) -> int:
                     name, path, root.parent, configurations, lambda: progress.advance(task)
                 )
             except (SceneError, ValueError, RuntimeError) as error:
-                # The first of its problems, without the temporary scene's name.
+                # The first of its problems, without the name of the temporary scene.
                 refused[name] = re.sub(r"^\S*scene\.yaml:\d+: ", "", str(error).splitlines()[0])
                 progress.advance(task, configurations)
                 continue
@@ -116,7 +116,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def descriptions(root: Path) -> dict[str, Path]:
-    """All descriptions by the names of their files; where two have one, of their folders."""
+    """Return all descriptions by file name, or by folder if two files have the same name."""
     found = sorted((root / "robots").rglob("*.urdf"))
     stems = [path.stem for path in found]
     return {path.stem if stems.count(path.stem) == 1 else path.parts[-3]: path for path in found}
@@ -139,7 +139,7 @@ def _watch(name: str, urdf: Path, packages: Path, configurations: int, advance) 
         tick = monitor.tick({k: PoseSample(p) for k, p in poses.items()}, BUDGET_S)
         lower, upper = tick.pairs.lower, tick.pairs.upper
         off = _errors(real, lower, upper)
-        bad = ~(off <= ALLOWANCE)  # of an answer without numbers, too
+        bad = ~(off <= ALLOWANCE)  # also if an answer is NaN
         wrong += int(bad.sum())
         missed += int((bad & (real <= 0.0)).sum())
         widest = max(widest, float((upper - lower)[real > 0.0].max(initial=0.0)))
@@ -162,16 +162,18 @@ def _watch(name: str, urdf: Path, packages: Path, configurations: int, advance) 
 
 
 def _errors(real: NDArray, lower: NDArray, upper: NDArray) -> NDArray:
-    """By how much (m) each answer misses the truth; where that is contact, any will do."""
+    """Return by how much (m) each answer misses the truth; in contact any upper bound is right."""
     apart = real > 0.0
     below = np.where(apart, real - upper, -np.inf)
     return np.maximum(lower - np.maximum(real, 0.0), below)
 
 
 def robot_alone(urdf: Path, *, neighbours: bool = True) -> Scene:
-    """The robot alone, all pairs of its links watched that any joint moves against each other.
+    """Return a scene of the robot alone: all pairs of links that joints move against each other.
 
-    Or without those of neighbours, which overlap where a joint joins them.
+    Args:
+        urdf: the description.
+        neighbours: also watch links that a joint connects, which overlap there.
     """
     apart = "false" if neighbours else "true"
     with tempfile.TemporaryDirectory() as folder:
@@ -184,7 +186,7 @@ def robot_alone(urdf: Path, *, neighbours: bool = True) -> Scene:
 
 
 def _links(scene: Scene, urdf: Path) -> dict[str, str]:
-    """By the name of a body the link that it is."""
+    """Return the name of each body's link, by the body's name."""
     links = re.findall(r"<link\s[^>]*?name\s*=\s*[\"']([^\"']+)[\"']", urdf.read_text())
     names = {f"robot_{re.sub('[^a-z0-9_]', '_', link.lower())}": link for link in links}
     names |= {name.removeprefix("robot_"): link for name, link in names.items()}
@@ -192,7 +194,7 @@ def _links(scene: Scene, urdf: Path) -> dict[str, str]:
 
 
 def configuration(robot: Robot, random: np.random.Generator) -> dict[str, float]:
-    """Positions of all joints, those that mimic others included."""
+    """Return random positions of all joints, mimic joints included."""
     positions = {}
     for joint in robot.kinematics.free:
         reach = 1.0 if joint.kind == "prismatic" else math.pi
@@ -218,7 +220,7 @@ def _check_poses(
 
 
 def _before(path: Path | None) -> dict[str, str]:
-    """The share of wrong answers in a former run, by robot."""
+    """Return the share of wrong answers in an earlier run, by robot."""
     if path is None:
         return {}
     with path.open(newline="") as file:

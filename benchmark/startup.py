@@ -2,9 +2,9 @@
 
     python benchmark/startup.py
 
-Times begin when the interpreter is up. The cold start compiles into an empty NUMBA_CACHE_DIR, with
-the processes that it starts for that. Calls are timed in processor time, because they are short
-against what other programs take.
+Times begin when the interpreter is up. The cold start compiles into an empty NUMBA_CACHE_DIR, and
+includes the processes that it starts to compile. Calls are timed in processor time: they are so
+short that other programs would distort the clock's time.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ def main() -> None:
 
 
 def _run(environment: dict[str, str]) -> dict[str, float]:
-    """One process of its own; what it printed."""
+    """Run the measurement in a new process, and return the times that it prints."""
     command = [sys.executable, "-P", "-c", _CHILD]
     done = subprocess.run(command, env=environment, check=True, text=True, stdout=subprocess.PIPE)
     return json.loads(done.stdout)

@@ -1,4 +1,4 @@
-"""How often the control points of surfaces can move, and a STEP assembly be watched."""
+"""Measure how often surfaces' control points can move, and a STEP assembly can be watched."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _SWELL = 0.05
 
 
 def deform(count: int) -> list[Row]:
-    """Refit a net and a teapot while a wave runs through them, and ask how far a point is."""
+    """Refit a net and a teapot while a wave runs through them, and ask for a point's distance."""
     rows = []
     for model in (engine.ParametricSurface([wavy(1, 10)], name="wavy net"), teapot()):
         rest, here = model.control_points.copy(), np.eye(4)
@@ -35,7 +35,7 @@ def deform(count: int) -> list[Row]:
             moves.append(_took(model.deform, moved))
             asks.append(_took(pair.distance, here, here))
         what = f"{model.name}, {len(rest)} control points"
-        # The first ones compile.
+        # The first calls compile.
         rows += [_row("deform", f"{what}: refit", moves[1:])]
         both = np.add(moves, asks)[1:]
         rows += [_row("deform", f"{what}: refit and exact distance to a point", both)]
@@ -92,7 +92,7 @@ RATES: dict[str, Callable[[int], list[Row]]] = {"deform": deform, "step": step}
 
 
 def _took(ask: Callable, *arguments: object) -> float:
-    """Seconds of the thread's processor time."""
+    """Return the processor time of one call in this thread, seconds."""
     start = thread_time()
     ask(*arguments)
     return thread_time() - start
@@ -104,7 +104,7 @@ def _row(scene: str, what: str, took: list[float]) -> Row:
 
 
 def table(rows: list[Row]) -> str:
-    """Rows in Markdown."""
+    """Return the rows as a Markdown table."""
     lines = ["| scene | what | ms | max | a second |\n| --- | --- | --- | --- | --- |\n"]
     for row in rows:
         figures = f"{row['ms']:.3f} | {row['max_ms']:.2f} | {row['rate']:.3g}"

@@ -23,9 +23,10 @@ Poses = NDArray[np.float64]
 
 @dataclass
 class Scene:
-    """Two models, the second at poses (k, 4, 4); OCCT is asked about every n-th only.
+    """Two models, the second one at poses (k, 4, 4).
 
-    Coherent where each pose is near the one before, as in a motion.
+    OCCT is asked only about every `every`-th pose. `coherent` says that each pose is near the one
+    before, as in a motion.
     """
 
     a: engine.Model
@@ -37,7 +38,7 @@ class Scene:
 
 
 def torus(major: float = 1.0, minor: float = 0.3) -> engine.ParametricSurface:
-    """Around z: quarters by halves, biquadratic and rational."""
+    """Return a torus about z of 8 rational biquadratic patches: quarter turns of half the tube."""
     knots = [0.0, 0.0, 0.0, 0.5, 0.5, 1.0, 1.0, 1.0]
     half = np.array([[1.0, 0.0], [1.0, 1.0], [0.0, 1.0], [-1.0, 1.0], [-1.0, 0.0]])
     weights = np.array([1.0, _WEIGHTS[1], 1.0, _WEIGHTS[1], 1.0])
@@ -53,14 +54,14 @@ def torus(major: float = 1.0, minor: float = 0.3) -> engine.ParametricSurface:
 
 
 def teapot() -> engine.ParametricSurface:
-    """Newell's teapot, 32 bicubic patches; those of its knob and bottom have collapsed edges.
+    """Return Newell's teapot of 32 bicubic patches; edges collapse in its knob and its bottom.
 
     It does not close: the lid is smaller than the rim, and the spout is open at its tip.
     """
     data = json.loads((Path(__file__).parent / "teapot.json").read_text(encoding="utf-8"))
     ways = {"quarters": [(1, 1), (-1, 1), (-1, -1), (1, -1)], "halves": [(1, 1), (1, -1)]}
     made = [
-        # What is mirrored once runs the other way, so that all normals point to one side.
+        # A patch that is mirrored once is reversed along v, so that all normals point to one side.
         engine.Patch((np.array(control, float) * (*way, 1))[:, :: way[0] * way[1]])
         for which, signs in ways.items()
         for control in data[which].values()
@@ -70,7 +71,7 @@ def teapot() -> engine.ParametricSurface:
 
 
 def fitting() -> engine.Model:
-    """A plate with a boss, a cone and a ring on it, of planes and solids of revolution."""
+    """Return a plate with a boss, cones and a ring on it: planes and solids of revolution."""
     shapes, flat = engine.shapes, {"solid": False}
     low, high = np.array([-0.2, -0.1, -0.02]), np.array([0.2, 0.1, 0.02])
     sides = []
@@ -93,21 +94,21 @@ def fitting() -> engine.Model:
 
 
 def turned(rng: np.random.Generator) -> NDArray[np.float64]:
-    """A random rotation (3, 3)."""
+    """Return a random rotation (3, 3)."""
     q, r = np.linalg.qr(rng.normal(size=(3, 3)))
     q = q * np.sign(np.diag(r))
     return q * np.sign(np.linalg.det(q))
 
 
 def at(rotation: NDArray[np.float64], offset: NDArray[np.float64]) -> NDArray[np.float64]:
-    """A pose."""
+    """Return the pose (4, 4) of a rotation and an offset."""
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = rotation, offset
     return pose
 
 
 def _small(rng: np.random.Generator, angle: float) -> NDArray[np.float64]:
-    """A rotation about x, y and z by such angles."""
+    """Return a rotation (3, 3) about x, y and z by random angles with this standard deviation."""
     x, y, z = angle * rng.normal(size=3)
     skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     q, r = np.linalg.qr(np.eye(3) + skew)
@@ -115,7 +116,7 @@ def _small(rng: np.random.Generator, angle: float) -> NDArray[np.float64]:
 
 
 def _random(a: engine.Model, b: engine.Model, count: int, most: float) -> Poses:
-    """Poses of b: at random about a's centre, as far apart as `most` of both radii."""
+    """Return random poses of b, centres 0.1 to `most` times the sum of both radii apart."""
     rng, made = np.random.default_rng(7), []
     for _ in range(count):
         rotation, way = turned(rng), rng.normal(size=3)

@@ -5,14 +5,16 @@
 scenes:
   wavy           two wavy bicubic nets of 10 x 10 control points at random poses, some crossing
   parallel       two such nets of 30 x 30, flatter, one above the other
-  offset         a net of 30 x 30 and about a copy of it, moved off by 5e-4 to 1e-2
-  motion         the wavy nets moved on in small steps, as a controller would ask
+  offset         a net of 30 x 30 and an almost exact copy, offset by 5e-4 to 1e-2
+  motion         the wavy nets, moved in small steps, as a controller would ask
   tori           two rational tori of 8 patches at random poses
-  interlocked    each through the other's hole
-  coaxial        about the same axis, where the nearest points form circles
+  interlocked    two such tori, each through the other's hole
+  coaxial        two tori about the same axis, whose nearest points form circles
   teapot         Newell's teapot, 32 bicubic patches, against itself at random poses
-  mesh           a torus of 8 patches against a 40,000-triangle sphere; beside it, instead of
-                 OCCT, the same torus as a mesh against the same sphere
+  fitting        a plate with a boss, cones and a ring, against itself at random poses
+  aligned        the same with parallel axes
+  mesh           a torus of 8 patches against a 40,000-triangle sphere; the peer is not OCCT, but
+                 the same torus as a mesh against the same sphere
   hole           the same with a sphere of half the size, which is often above the saddle in the
                  torus's hole: there distances are not convex, and proofs are harder
   points         points to a wavy net: one call for all of them, figures per point
@@ -20,13 +22,14 @@ scenes:
   step           the bundled assembly `gearbox`: opened, and watched under its own budget
 
 Needs OCCT for all but `mesh`, `hole` and `deform`: pip install cadquery-ocp. Times are processor
-time, milliseconds: of three rounds over all queries, each query's best, for both. Columns are
-median, mean and most; `ratio` is the peer's median over ours.
-`wrong` counts queries where OCCT's distance is above our certified upper bound by more than a
-millionth of the models' size, `by` says by how much at the most. The other way round, OCCT below
-our lower bound, ends the benchmark with status 1. `open` are queries whose bounds did not meet
-within --budget, as where nearest points form a line. A second table has medians of queries that are
-apart, and of those that cross. A third one has `deform` and `step`, which have no peer.
+time in milliseconds. All queries are asked in three rounds, and each query's best time counts, for
+both engines. Columns are median, mean and maximum; `ratio` is the peer's median over ours.
+`wrong` counts queries whose OCCT distance exceeds our certified upper bound by more than a
+millionth of the models' size; `by` is the largest excess. In the opposite case, OCCT below our
+lower bound, the benchmark ends with status 1. `open` counts queries whose bounds did not meet
+within --budget, as happens if the nearest points form a line. A second table has the medians of
+queries that are apart, and of those that cross. A third one has `deform` and `step`, which have no
+peer.
 """
 
 from __future__ import annotations
@@ -53,7 +56,7 @@ ROUNDS = 3
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the command line; returns the exit status."""
+    """Run the command line and return the exit status."""
     options = _parser().parse_args(arguments)
     names = [*SCENES, "points", *surface_rates.RATES]
     for asked in options.scene:
@@ -109,9 +112,9 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _timed(queries: Sequence[Callable]) -> tuple[list[float], list]:
-    """The best times of queries, milliseconds, and their answers.
+    """Return the best times of the queries, milliseconds, and their answers.
 
-    They are asked one after the other, in rounds: the first one waits for memory and code.
+    The queries are asked in order, in several rounds: the first round waits for memory and code.
     """
     best, answers = [np.inf] * len(queries), []
     for _ in range(ROUNDS):
@@ -124,7 +127,7 @@ def _timed(queries: Sequence[Callable]) -> tuple[list[float], list]:
 
 
 def _measure(scene: Scene, budget: float) -> dict[str, float]:
-    """Ask one engine after the other, so that neither finds its data pushed out of the caches."""
+    """Ask all queries of one engine, then all of the other, so that caches serve one at a time."""
     pair, here = engine.Pair(scene.a, scene.b, coherent=scene.coherent), np.eye(4)
     pair.distance(here, scene.poses[-1], budget_s=budget)  # compiles
     ours, answers = _timed([
@@ -160,7 +163,7 @@ def _measure(scene: Scene, budget: float) -> dict[str, float]:
 def _apart(
     ours: NDArray[np.float64], theirs: NDArray[np.float64], crossing: NDArray[np.bool_], every: int
 ) -> dict[str, float]:
-    """Medians of queries that are apart, and of those that cross; NaN where there are none."""
+    """Return medians of queries that are apart and of those that cross; NaN if there are none."""
     made = {}
     for name, which in (("apart", ~crossing), ("crossing", crossing)):
         mine, peer = ours[which], theirs[which[::every]]
@@ -173,7 +176,7 @@ def _apart(
 def _row(
     ours: list[float], theirs: list[float], errors: NDArray[np.float64], low: int, size: float
 ) -> dict[str, float]:
-    """The columns that all scenes have; of nothing where a scene knows nothing."""
+    """Return the columns that all scenes have; 0 in those that a scene does not measure."""
     wrong = errors[~(errors <= TOLERATED * size)]
     return {
         "queries": len(ours),
@@ -196,7 +199,7 @@ def _row(
 
 
 def _points(count: int) -> dict[str, float]:
-    """Many points at once, in blocks of a hundred; OCCT is asked about ten of each."""
+    """Ask about many points in blocks of a hundred; ask OCCT about ten of each block."""
     patch, here = wavy(1, 10), np.eye(4)
     rng = np.random.default_rng(9)
     points = rng.uniform((-0.5, -0.5, -1.0), (1.5, 1.5, 1.0), (count, 3))
@@ -237,7 +240,7 @@ _APART_COLUMNS = [
 
 
 def _table(rows: list[dict], columns: list[tuple[str, str, str]]) -> str:
-    """Rows in Markdown."""
+    """Return the rows as a Markdown table."""
     lines = [[heading for heading, _, _ in columns], ["---"] * len(columns)]
     lines += [[format(row[key], spec) for _, key, spec in columns] for row in rows]
     return "".join(f"| {' | '.join(line)} |\n" for line in lines)

@@ -1,11 +1,12 @@
-"""What a tolerance saves where the points of a model nearest to many points are asked for.
+"""What a tolerance saves in `closest_points` for many points at once.
 
     python benchmark/tolerances.py [--points N]
 
-The points are at random in a cube around each model, or on the axis of a torus, where whole circles
-of it are about as near. `µs` are of processor time, a point; `gap` is the largest difference of the
-bounds. `parameters` is how far u or v of the point found are from those of the exact answer off the
-edges of a patch: in the median, and of 99 in 100.
+The points are at random in a cube around each model, or on the axis of a torus, from which whole
+circles of the torus are about equally near. `µs` is processor time a point. `gap` is the largest
+difference between upper and lower bound. `parameters` is how far u or v of the point found is from
+the exact answer: median and 99th percentile. It is given for a single patch, and leaves out exact
+answers near the patch's edges.
 """
 
 from __future__ import annotations
@@ -61,7 +62,7 @@ def _cells(
     model: engine.Model, points: NDArray[np.float64], errors: dict[str, float],
     exact: ClosestPoints,
 ) -> str:  # fmt: skip
-    """The columns of one row: time, gap, error of the parameters."""
+    """Return the three columns of a tolerance: time, gap, error of the parameters."""
     best = np.inf
     for _ in range(_ROUNDS):
         start = thread_time()

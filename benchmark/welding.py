@@ -1,10 +1,11 @@
-"""What it costs that triangles share no vertices, or are drawn twice: queries, builds and refits.
+"""What it costs if triangles share no vertices, or come twice: queries, builds and refits.
 
     python benchmark/welding.py [--quick]
 
-Timed is processor time, on one thread. The copies of a scene take turns, block by block of
-successive poses, and what is told of them is the median of the blocks' ratios to the welded one.
-Ends with status 1 where two copies give different distances.
+Times are processor time on one thread. The copies of a scene (welded, unwelded, each triangle
+twice) take turns, block by block of successive poses. Figures of the other copies are ratios to the
+welded one; that of a query is the median over the blocks. Ends with status 1 if two copies give
+different distances.
 """
 
 from __future__ import annotations
@@ -27,12 +28,12 @@ _REPEATS = 5
 
 
 def _unwelded(vertices: np.ndarray, faces: np.ndarray) -> Mesh:
-    """The same triangles, each with three vertices of its own, as STL files hold them."""
+    """Return the same triangles, each with three vertices of its own, as STL files hold them."""
     return vertices[faces].reshape(-1, 3), np.arange(faces.size, dtype=np.int32).reshape(-1, 3)
 
 
 def _twice(vertices: np.ndarray, faces: np.ndarray) -> Mesh:
-    """Each triangle twice, and so as near as its twin."""
+    """Return each triangle twice, so that each has a twin that is exactly as near."""
     return vertices, np.concatenate((faces, faces))
 
 
@@ -44,7 +45,7 @@ _COPIES: dict[str, Callable[[np.ndarray, np.ndarray], Mesh]] = {
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the command line; returns the exit status."""
+    """Run the command line and return the exit status."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--quick", action="store_true", help="a few blocks of each scene")
     blocks = 4 if parser.parse_args(arguments).quick else 24
@@ -71,7 +72,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _build(scene: StudyScene) -> tuple[dict, dict[str, float], dict[str, float]]:
-    """Models by copy and mesh; seconds that building and refitting all of a copy take."""
+    """Return models by copy and mesh, and each copy's seconds to build and to refit all models."""
     models: dict[str, dict[str, engine.TriangleMesh]] = {name: {} for name in _COPIES}
     builds, refits = dict.fromkeys(_COPIES, 0.0), dict.fromkeys(_COPIES, 0.0)
     for mesh_name, mesh in scene.meshes.items():
@@ -94,7 +95,7 @@ def _build(scene: StudyScene) -> tuple[dict, dict[str, float], dict[str, float]]
 def _query(
     scene: StudyScene, models: dict, blocks: int
 ) -> tuple[dict[str, np.ndarray], dict[str, int], bool]:
-    """Of each copy the seconds a query of every block and all tests; whether all answers agree."""
+    """Return each copy's seconds a query by block, its tests, and whether all answers agree."""
     track = scene.tracks[0]
     pairs = {copy: engine.Pair(meshes[track.a], meshes[track.b]) for copy, meshes in models.items()}
     for pair in pairs.values():  # compiles

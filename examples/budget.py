@@ -1,9 +1,9 @@
-"""A time budget: whatever ends a search, its bounds hold, and the next call goes on with it.
+"""A time budget: whenever it ends a search, the bounds hold, and the next call continues.
 
     python budget.py
 
-Two concentric spheres are nearly equally far apart everywhere, so an exact answer takes long. Where
-a budget cuts most searches, the order "breadth_first" brings the bounds together soonest.
+Two concentric spheres are nearly equally far apart everywhere, so an exact answer takes long. If a
+budget cuts most searches, the order "breadth_first" brings the bounds together soonest.
 """
 
 from __future__ import annotations

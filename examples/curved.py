@@ -1,4 +1,4 @@
-"""Exact curved parts: a NURBS patch and a solid of revolution, which then changes its shape.
+"""Exact curved parts: a NURBS patch, and a solid of revolution that changes its shape.
 
 python curved.py
 """
@@ -30,7 +30,7 @@ def main() -> None:
         print(f"  on the {name}: {feature.kind} {feature.index} at {feature.parameters.round(6)}")
 
     taller = vase.control_points * [1.0, 1.0, 1.2]
-    moved = vase.deform(taller)  # returns by how much, at most, any point of the vase moved
+    moved = vase.deform(taller)  # an upper bound of how far any point of the vase moved
     answer = pair.distance(here, above)
     print(f"after a change of {1000 * moved:.1f} mm: {1000 * answer.upper:.9f} mm")
 

@@ -1,4 +1,4 @@
-"""Every kind of model against every kind: certified distances in millimetres, row to column.
+"""Every kind of model against every kind: upper bounds of the distance in mm, row to column.
 
 python kinds.py
 """
@@ -12,7 +12,7 @@ from proximity_monitor.engine import shapes
 
 
 def one_of_each() -> dict[str, engine.Model]:
-    """A small model of each kind, by the kind's name."""
+    """Return a small model of each kind, by the kind's name."""
     profile = [[[0, 0], [0.03, 0]], [[0.03, 0], [0.05, 0.04], [0.02, 0.1]], [[0.02, 0.1], [0, 0.1]]]
     u = np.linspace(-0.05, 0.05, 4)
     x, y = np.meshgrid(u, u, indexing="ij")

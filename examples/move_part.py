@@ -2,7 +2,7 @@
 
     python move_part.py BODY [FRAME]
 
-The body comes down along z from 60 mm to 5 mm, 20 mm a second, and 0.03 mm off the axis.
+The body comes down along z from 60 mm to 5 mm at 20 mm a second, 0.03 mm off the axis.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class Mover(Node):
         self.create_timer(1.0 / RATE_HZ, self._on_timer)
 
     def _on_timer(self) -> None:
-        """Go on, once the monitor listens and is heard."""
+        """Publish the next pose, once the monitor subscribes to poses and publishes alerts."""
         if not (self._out.get_subscription_count() and self.count_publishers(ALERTS)):
             return
         self.height = max(0.005, self.height - 0.02 / RATE_HZ)
@@ -43,13 +43,13 @@ class Mover(Node):
         self._out.publish(self._message)
 
     def _on_alert(self, alert: DiagnosticStatus) -> None:
-        """The level is OK, WARN, ERROR or STALE for clear, warn, stop or stale."""
+        """Print the alert; its level is OK, WARN, ERROR or STALE for clear, warn, stop or stale."""
         print(f"{alert.name}: {alert.message}", flush=True)
         self.stopped = alert.level == DiagnosticStatus.ERROR
 
 
 def main() -> None:
-    """Move until the first stop."""
+    """Move the body until the first stop."""
     body, frame = (*sys.argv[1:], "world")[:2]
     rclpy.init(args=[])
     mover = Mover(body, frame)

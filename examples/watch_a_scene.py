@@ -1,4 +1,4 @@
-"""Watch a scene without ROS: its motion gives poses, each tick gives bounds, alerts follow.
+"""Watch a scene without ROS: the motion gives poses, each tick gives bounds, bounds give alerts.
 
 python watch_a_scene.py [SCENE]
 """
@@ -18,7 +18,7 @@ from proximity_monitor.scene.state import PoseSample
 
 
 def main() -> None:
-    """Play twenty seconds of the scene's motion, as fast as it goes, ten ticks a second."""
+    """Play twenty seconds of the scene's motion, ten ticks a second, as fast as possible."""
     scene = load_scene(find_scene(sys.argv[1] if len(sys.argv) > 1 else "peg"))
     models = load_models(scene)
     moves = motion.from_scene(scene, models)
@@ -26,7 +26,7 @@ def main() -> None:
     thresholds = [pair.thresholds for pair in scene.pairs]
     for seconds in np.arange(0.0, 20.0, 0.1).tolist():
         poses = {name: PoseSample(pose) for name, pose in moves.poses(seconds).items()}
-        tick = monitor.tick(poses, budget_s=1.0)  # ample: nobody waits for it
+        tick = monitor.tick(poses, budget_s=1.0)  # ample, because nothing waits for the tick
         for change in alerts.update(tick, thresholds, seconds):
             print(f"{seconds:4.1f} s  {change.a} - {change.b}: {change.new.value}: {change.reason}")
 

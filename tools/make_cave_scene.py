@@ -2,15 +2,15 @@
 
     python tools/make_cave_scene.py [FOLDER]
 
-The meshes are those of the benchmark's scene of this name (study/shapes.py), in the manner of the
-torus in a cave of Larsen et al. 1999, section 7.2, but here the stalactites are longer: those that
-would come within 0.15 m of the corridor are shortened, and the torus, 0.214 m from its centre to
-its farthest point, follows the corridor tumbling. So it passes between them only because it turns
-the right way; the scene's comment says how near it comes. FOLDER is the scene's own unless it is
-given. Lengths are metres.
+FOLDER defaults to the scene's own. Lengths are metres. The meshes are those of the benchmark's
+scene of the same name (study/shapes.py), after the torus in a cave of Larsen et al. 1999, section
+7.2. But here the stalactites are longer: they are shortened only to stay 0.15 m off the corridor.
+The torus is 0.214 m from its centre to its farthest point and tumbles along the corridor. So it
+passes between the stalactites only because it turns the right way; the scene's comment says how
+near it comes.
 
-Coordinates are rounded to a thousandth of a millimetre, so that every machine writes the same
-files although their sines differ in the last bit.
+Coordinates are rounded to a thousandth of a millimetre. So every machine writes the same files,
+although sines differ in the last bit between machines.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ from proximity_monitor.study.scenes import corridor
 SCENE = Path(__file__).resolve().parents[1] / "proximity_monitor" / "scene" / "bundled" / "cave"
 
 PERIOD_S = 60.0
-KEYS = 160  # between two of them the torus turns by 9 degrees and moves by 0.1 m
+KEYS = 160  # between two keys the torus turns by 9 degrees and moves by 0.1 m
 TURNS = 4  # a whole number, so that the loop closes
 AXIS = np.array([0.6, 0.0, 0.8])
 CLEAR = 0.15
 
 
 def path() -> np.ndarray:
-    """Return the keys (n, 8): t, position, quaternion x, y, z, w; the last is the first again."""
+    """Return the keys (n, 8): t, position, quaternion x, y, z, w; the last pose is the first."""
     times = np.linspace(0.0, PERIOD_S, KEYS + 1)
     half = np.linspace(0.0, TURNS * np.pi, KEYS + 1)
     quaternions = np.column_stack((np.sin(half)[:, None] * AXIS, np.cos(half)))

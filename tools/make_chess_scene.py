@@ -2,11 +2,11 @@
 
     python tools/make_chess_scene.py [FOLDER]
 
-FOLDER is the scene's own unless it is given. Lengths are millimetres. The solids are in the spirit
-of those of Son, Yoon, Kim and Elber 2020 (figure 7), drawn anew: each is a profile that turns about
-z. Every profile is one cubic B-spline of 22 control points over the same knots, from the foot on
-the axis to the top on it. So any of them can be deformed into any other by its control points
-alone; the scene's sixth solid goes through all five, as the paper's figure 10 does.
+FOLDER defaults to the scene's own. Lengths are millimetres. The solids are in the spirit of those
+of Son, Yoon, Kim and Elber 2020 (figure 7), drawn anew: each is a profile that turns about z. Every
+profile is one cubic B-spline of 22 control points over the same knots, from its bottom on the axis
+to its top on the axis. So any of them can be deformed into any other by its control points alone;
+the scene's sixth solid goes through all five, as the paper's figure 10 does.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ SCENE = Path(__file__).resolve().parents[1] / "proximity_monitor" / "scene" / "b
 COUNT, DEGREE = 22, 3
 
 PROFILES = {
-    # (rho, z), millimetres. The first two and the last two are level: the ends are smooth there.
+    # (rho, z), millimetres. The first two points are level, and the last two: the ends are smooth.
     "pawn": [
         (0, 0), (14, 0), (29, 0), (37, 0.5), (36.5, 10), (26, 12.5), (29, 21.5), (18, 25),
         (12, 37), (9.5, 53), (21, 57.5), (21.5, 63.5), (9, 66), (20, 70.5), (27.5, 82), (25, 93),
@@ -53,13 +53,13 @@ PROFILES = {
 
 
 def knots() -> np.ndarray:
-    """Uniform, and clamped at both ends."""
+    """Return the knots: uniform, and clamped at both ends."""
     inside = np.arange(1.0, COUNT - DEGREE)
     return np.concatenate((np.zeros(DEGREE + 1), inside, np.full(DEGREE + 1, COUNT - DEGREE)))
 
 
 def solid(name: str) -> engine.SolidOfRevolution:
-    """One of the five."""
+    """Return one of the five solids."""
     return engine.SolidOfRevolution([engine.Curve(PROFILES[name], knots())], name=name)
 
 

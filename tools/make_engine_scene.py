@@ -4,8 +4,8 @@
     python tools/make_engine_scene.py       # writes proximity_monitor/scene/bundled/engine/meshes
 
 The engine is shaped after the 1.3 litre Suzuki G13B, an inline four with five main bearings.
-Lengths are millimetres. Figures, and where they were published (where only a sister engine's
-manual was at hand, it says so):
+Lengths are millimetres. The published figures and their sources follow; if only the manual of a
+sister engine was available, the source says so:
 
 =======================  ===================  ================================================
 bore x stroke            74 x 75.5            Wikipedia, "Suzuki G engine"
@@ -26,10 +26,10 @@ their origin on the crankshaft's axis at the engine's centre, the piston at its 
 At crank angle 0 pistons 1 and 4 are at top dead centre.
 
 **What the facets do to the clearances.** Moving parts are polygons inscribed in their circles (64
-sides), holes in the block circumscribed about theirs (80 sides). So nothing overlaps that would
-not overlap in the round engine, and the distance between two concentric ones is exactly
+sides). Holes in the block are circumscribed about their circles (80 sides). So nothing overlaps
+that would not overlap in the round engine. The distance between two concentric polygons is exactly
 ``R - r cos(d)``, with d the angle from a vertex of the inner polygon to the middle of the nearest
-side of the outer one. The vertices of both repeat together every 360 / lcm(64, 80) = 1.125 degrees:
+side of the outer one. If one of them turns, d repeats every 360 / lcm(64, 80) = 1.125 degrees:
 
 - piston in its bore: d = 0, so 37.010 - 36.990 = 0.020 mm at every crank angle;
 - journal in its bearing: d <= 0.5625 degrees, so 0.0200 to 0.0211 mm as the crankshaft turns;
@@ -94,7 +94,8 @@ def piston():
     body = revolve(outside, MOVING_FACETS) - cavity + (boss ^ revolve(outside, MOVING_FACETS))
     body -= along_x(prism(ring(9.0, 64), -40.0, 40.0))
     for side in (-1.0, 1.0):
-        # The skirt bears on the thrust faces alone. Beside the pin it is cut back, and cut off
+        # The skirt touches the bore on the thrust faces only. It is cut back beside the pin, and
+        # cut off below the bosses, where the counterweights pass.
         # below the bosses, where the counterweights pass.
         low, high = sorted((side * 31.5, side * 40.0))
         body -= box((low, -40.0, -SKIRT - 1.0), (high, 40.0, 10.5))
@@ -182,7 +183,7 @@ def block():
 
 
 def _crankcase(end: float):
-    """Yield what is cut for the crankshaft."""
+    """Yield what is cut out of the block for the crankshaft."""
     yield along_x(prism(ring(BEARING_RADIUS, FIXED_FACETS, around=True), -end - 1.0, end + 1.0))
     for x in CYLINDERS:
         low, high = x - BAY, x + BAY

@@ -3,12 +3,12 @@
     python tools/make_falling_scenes.py [FOLDER]
 
 The shapes are those of the benchmark's scenes (study/shapes.py), which follow Larsen et al. 1999,
-section 7.2: a lumpy torus of 3,240 triangles and a warped one of 1,332, in metres; a ring of 256
-triangles, here of 50 mm to the middle of its tube, in millimetres. FOLDER is where the scenes'
-folders are, the package's own unless it is given.
+section 7.2: a lumpy torus of 3,240 triangles and a warped one of 1,332, in metres; and a ring of
+256 triangles, in millimetres, here of 50 mm to the middle of its tube. FOLDER holds the scenes'
+folders, and defaults to the package's own.
 
-Coordinates are rounded to a thousandth of a millimetre, so that every machine writes the same
-files although their sines differ in the last bit.
+Coordinates are rounded to a thousandth of a millimetre. So every machine writes the same files,
+although sines differ in the last bit between machines.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""Makes the STEP assembly of the gearbox scene: `python tools/make_gearbox_step.py [FOLDER]`.
+"""Make the STEP assembly of the gearbox scene: `python tools/make_gearbox_step.py [FOLDER]`.
 
-A pair of spur gears on two shafts with bearings, in a housing with a bolted cover, and a knob on
-the shaft that drives. It has planes, cylinders, cones, spheres, tori, extruded and free splines,
-faces with holes, and products that are placed several times: 544 faces in 19 parts. It needs the
-extra `cad`. OpenCASCADE writes the colours in another order each time.
+It is a pair of spur gears on two shafts with bearings, in a housing with a bolted cover, and a knob
+on the driving shaft. It has planes, cylinders, cones, spheres, tori, extruded and free splines,
+faces with holes, and products that are placed several times: 544 faces in 19 parts. The script
+needs the extra `cad`. OpenCASCADE writes the colours in a different order each time.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ BOLTS = [
 
 
 def edges(shape: Any) -> list[Any]:
-    """All edges of a shape, once for each of its faces."""
+    """Return all edges of a shape; an edge comes once for each of its faces."""
     found, explorer = [], TopExp_Explorer(shape, TopAbs_ShapeEnum.TopAbs_EDGE)
     cast = getattr(TopoDS, "Edge", None) or TopoDS.Edge_s
     while explorer.More():
@@ -76,24 +76,24 @@ def edges(shape: Any) -> list[Any]:
 
 
 def up(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> gp_Ax2:
-    """The axes at a point, z up."""
+    """Return axes at a point, z up."""
     return gp_Ax2(gp_Pnt(x, y, z), gp_Dir(0, 0, 1))
 
 
 def cylinder(radius: float, low: float, high: float, x: float = 0.0, y: float = 0.0) -> Any:
-    """A cylinder along z."""
+    """Return a cylinder along z."""
     return BRepPrimAPI_MakeCylinder(up(x, y, low), radius, high - low).Shape()
 
 
 def cut(shape: Any, *tools: Any) -> Any:
-    """A shape without others."""
+    """Return a shape less the tools."""
     for tool in tools:
         shape = BRepAlgoAPI_Cut(shape, tool).Shape()
     return shape
 
 
 def turned(points: list[tuple[float, float]]) -> Any:
-    """A polygon of (radius, z) turned about z."""
+    """Return a closed polygon of (radius, z) turned about z."""
     polygon = BRepBuilderAPI_MakePolygon()
     for radius, z in points:
         polygon.Add(gp_Pnt(radius, 0, z))
@@ -103,7 +103,7 @@ def turned(points: list[tuple[float, float]]) -> Any:
 
 
 def block(x0: float, x1: float, y0: float, y1: float, z0: float, z1: float, radius: float) -> Any:
-    """A box whose edges are rounded."""
+    """Return a box with rounded edges."""
     box = BRepPrimAPI_MakeBox(gp_Pnt(x0, y0, z0), gp_Pnt(x1, y1, z1)).Shape()
     rounding = BRepFilletAPI_MakeFillet(box)
     for edge in edges(box):
@@ -112,7 +112,7 @@ def block(x0: float, x1: float, y0: float, y1: float, z0: float, z1: float, radi
 
 
 def bezier(points: list[tuple[float, float, float]]) -> Any:
-    """An edge along a Bezier curve."""
+    """Return an edge along a Bezier curve."""
     poles = Points(1, len(points))
     for i, point in enumerate(points, 1):
         poles.SetValue(i, gp_Pnt(*point))
@@ -120,13 +120,13 @@ def bezier(points: list[tuple[float, float, float]]) -> Any:
 
 
 def involute(base: float, radius: float) -> float:
-    """The angle at which an involute reaches a radius."""
+    """Return the angle at which an involute reaches a radius."""
     ratio = math.sqrt((radius / base) ** 2 - 1.0)
     return ratio - math.atan(ratio)
 
 
 def flank(base: float, low: float, high: float, begin: float, sign: float) -> list[tuple]:
-    """A cubic near to an involute between two radii: its ends and its directions there."""
+    """Return the control points of a cubic near an involute: same ends and end directions."""
     ends = []
     for radius in (low, high):
         angle = begin + sign * involute(base, radius)
@@ -145,7 +145,7 @@ def flank(base: float, low: float, high: float, begin: float, sign: float) -> li
 
 
 def gear(teeth: int, bore: float) -> Any:
-    """A spur gear about z, from 0 to WIDTH; a tooth points along x."""
+    """Return a spur gear about z, from z = 0 to WIDTH; one tooth points along x."""
     pitch = 0.5 * MODULE * teeth
     base, tip = pitch * math.cos(math.radians(20.0)), pitch + MODULE
     root = pitch - 1.25 * MODULE
@@ -169,7 +169,7 @@ def gear(teeth: int, bore: float) -> Any:
         BRepBuilderAPI_MakeFace(wire.Wire()).Face(), gp_Vec(0, 0, WIDTH)
     ).Shape()
     holes = [cylinder(bore, -1, WIDTH + 1)]
-    if root > 15.5:  # else they would cut into the teeth
+    if root > 15.5:  # otherwise they would cut into the teeth
         holes += [
             cylinder(2.5, -1, WIDTH + 1, 12 * math.cos(a), 12 * math.sin(a))
             for a in (2.0 * math.pi * i / 5 for i in range(5))
@@ -178,7 +178,7 @@ def gear(teeth: int, bore: float) -> Any:
 
 
 def shaft(length: float) -> Any:
-    """A stepped shaft with chamfered ends and a keyway with round ends."""
+    """Return a stepped shaft with chamfered ends and a keyway with round ends."""
     body = turned([(0, -24), (4, -24), (5, -23), (5, -13), (6, -12.5), (6, 12.5), (5, 13),
                    (5, length - 1), (4, length), (0, length)])  # fmt: skip
     slot = BRepPrimAPI_MakeBox(gp_Pnt(4.5, -1.5, -4), gp_Pnt(8, 1.5, 4)).Shape()
@@ -188,7 +188,7 @@ def shaft(length: float) -> Any:
 
 
 def bearing() -> Any:
-    """A ring with a groove for its seal and rounded edges."""
+    """Return a ring with rounded edges and a groove for its seal."""
     ring = cut(cylinder(11.0, 0.0, 8.0), cylinder(5.05, -1.0, 9.0))
     rounding = BRepFilletAPI_MakeFillet(ring)
     for edge in edges(ring):
@@ -198,7 +198,7 @@ def bearing() -> Any:
 
 
 def bolt() -> Any:
-    """A hexagon head bolt: a dome on the head, a cone at the end."""
+    """Return a hexagon head bolt with a dome on its head and a cone at its end."""
     polygon = BRepBuilderAPI_MakePolygon()
     for i in range(6):
         angle = math.pi * i / 3
@@ -214,7 +214,7 @@ def bolt() -> Any:
 
 
 def knob() -> Any:
-    """A knob with five lobes: a loft through closed splines, on a bored stem."""
+    """Return a knob with five lobes: a loft through closed splines, with a bore."""
     loft = BRepOffsetAPI_ThruSections(True, False, 1e-6)
     for z, size in ((0.0, 9.0), (6.0, 13.0), (12.0, 12.0), (15.0, 8.0)):
         loft.AddWire(lobes(z, size))
@@ -223,7 +223,7 @@ def knob() -> Any:
 
 
 def lobes(z: float, size: float) -> Any:
-    """A closed curve with five lobes, of five cubic pieces that meet smoothly."""
+    """Return a closed curve with five lobes, of ten cubic pieces that meet smoothly."""
     wire = BRepBuilderAPI_MakeWire()
     count, reach = 10, 4.0 / 3.0 * math.tan(math.pi / 20.0)
     points = []
@@ -244,7 +244,7 @@ def lobes(z: float, size: float) -> Any:
 
 
 def housing() -> Any:
-    """A rounded box, open at the top, with two bearing seats and threaded holes."""
+    """Return a rounded box, open at the top, with two bearing seats and holes for bolts."""
     body = block(-35, 76, -40, 40, -26, 9, 4.0)
     inside = block(-20, 61, -32, 32, -15, 20, 3.0)
     seats = [cylinder(11.1, -30, 0, x) for x in (0.0, APART)]
@@ -254,7 +254,7 @@ def housing() -> Any:
 
 
 def cover() -> Any:
-    """A rounded plate with holes for bolts and shafts, chamfered around one of them."""
+    """Return a rounded plate with holes for bolts and shafts, one of them counterbored."""
     plate = block(-35, 76, -40, 40, 0, 6, 2.5)
     sunk = BRepPrimAPI_MakeCylinder(up(0, 0, 4.0), 9.0, 4.0).Shape()
     holes = [cylinder(2.6, -1, 7, x, y) for x, y in BOLTS]
@@ -263,7 +263,7 @@ def cover() -> Any:
 
 
 def seal() -> Any:
-    """A ring around a shaft."""
+    """Return a ring around a shaft."""
     return BRepPrimAPI_MakeTorus(up(), 7.2, 1.4).Shape()
 
 
@@ -294,7 +294,7 @@ PLACES = [
 
 
 def placed(where: tuple[float, float, float], degrees: float) -> TopLoc_Location:
-    """A place, turned about z."""
+    """Return a location: a turn about z, then a shift."""
     turn, shift = gp_Trsf(), gp_Trsf()
     turn.SetRotation(gp_Ax1(gp_Pnt(0, 0, 0), gp_Dir(0, 0, 1)), math.radians(degrees))
     shift.SetTranslation(gp_Vec(*where))
@@ -302,7 +302,7 @@ def placed(where: tuple[float, float, float], degrees: float) -> TopLoc_Location
 
 
 def named(label: Any, name: str) -> None:
-    """Give a product, or a placed one, its name."""
+    """Name a product or a component."""
     TDataStd_Name.Set_s(label, TCollection_ExtendedString(name))
 
 
@@ -325,14 +325,15 @@ def write(path: Path) -> None:
         named(shapes.AddComponent(whole, labels[product], placed(where, degrees)), name)
     shapes.UpdateAssemblies()
     writer = STEPCAFControl_Writer()
-    # Without curves in the parameters of faces the file is half as long; a reader makes them.
+    # Leave out the edges' curves in the faces' parameters: the file is half as long, and a reader
+    # computes them.
     Interface_Static.SetIVal_s("write.surfacecurve.mode", 0)
     writer.SetNameMode(True)
     writer.SetColorMode(True)
     writer.Transfer(document, STEPControl_StepModelType.STEPControl_AsIs)
     path.parent.mkdir(parents=True, exist_ok=True)
     writer.Write(str(path))
-    text = path.read_text(encoding="utf-8")  # no date: it is the same but for the order of colours
+    text = path.read_text(encoding="utf-8")  # fix the date: only the order of the colours varies
     text = re.sub(r"FILE_NAME\('[^']*','[^']*'", "FILE_NAME('gearbox','2026-01-01T00:00:00'", text)
     path.write_text(text, encoding="utf-8")
     print(f"{path}: {len(text) / 1024:.0f} KiB")

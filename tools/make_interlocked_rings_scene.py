@@ -2,12 +2,12 @@
 
     python tools/make_interlocked_rings_scene.py [FOLDER]
 
-FOLDER is the scene's own unless it is given. Lengths are millimetres. All are solids of revolution:
-the ring a torus, exactly, as a rational quadratic of nine control points; the post and the tray are
-cubic B-splines from the axis to the axis, the tray with a hollow profile whose rim is rounded.
+FOLDER defaults to the scene's own. Lengths are millimetres. All models are solids of revolution.
+The ring is an exact torus: its profile is a rational quadratic of nine control points. Post and
+tray are cubic B-splines from axis to axis; the tray has a hollow profile with a rounded rim.
 
-It prints the places of the twelve rings for the scene file as well: a necklace whose neighbours
-stand across each other, its links in turn level and upright.
+The script also prints the places of the twelve rings for the scene file. They form a necklace
+whose neighbouring links are perpendicular: every other one is level, the others are upright.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ SCENE = BUNDLED / "interlocked-rings"
 
 RING, TUBE = 50.0, 8.0
 COUNT, APART, HEIGHT = 12, 65.0, 330.0
-LEANING = math.radians(12.0)  # of the necklace
+LEANING = math.radians(12.0)  # tilt of the necklace
 MIDDLE = 65.0, 10.0
 
 POST = [
@@ -39,14 +39,14 @@ TRAY = [
 
 
 def spline(points: list, name: str) -> engine.SolidOfRevolution:
-    """A profile that is one cubic B-spline, with uniform knots and clamped."""
+    """Return a solid whose profile is one cubic B-spline with uniform, clamped knots."""
     last = len(points) - 3
     knots = [0.0] * 3 + list(range(last + 1)) + [float(last)] * 3
     return engine.SolidOfRevolution([engine.Curve(points, knots)], name=name)
 
 
 def ring() -> engine.SolidOfRevolution:
-    """A torus about z."""
+    """Return a torus about z."""
     rim = [(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1), (1, 0)]
     points = [(RING + TUBE * x, TUBE * z) for x, z in rim]
     knots = [0, 0, 0, 1, 1, 2, 2, 3, 3, 4, 4, 4]
@@ -55,7 +55,7 @@ def ring() -> engine.SolidOfRevolution:
 
 
 def places() -> list[str]:
-    """The poses of the rings, as the scene file has them."""
+    """Return the poses of the rings, as lines of the scene file."""
     radius = APART / (2.0 * math.sin(math.pi / COUNT))
     found = []
     lean = np.array([0.0, math.sin(0.5 * LEANING), 0.0, math.cos(0.5 * LEANING)])
@@ -63,7 +63,7 @@ def places() -> list[str]:
     for k in range(COUNT):
         angle = 2.0 * math.pi * k / COUNT
         x, y = radius * math.cos(angle), radius * math.sin(angle)
-        # Level, or upright in the plane of the circle's tangent and the vertical.
+        # Every other ring is level; the others stand in the plane of the circle's tangent and z.
         turn = [0.0, 0.0, math.sin(0.5 * angle), math.cos(0.5 * angle)]
         own = [0.0, 0.0, 0.0, 1.0] if k % 2 == 0 else [0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5)]
         q = product(lean, product(np.array(turn), np.array(own)))
@@ -75,13 +75,13 @@ def places() -> list[str]:
 
 
 def product(p: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """Of two quaternions x, y, z, w."""
+    """Return the product of two quaternions x, y, z, w."""
     vector = p[3] * q[:3] + q[3] * p[:3] + np.cross(p[:3], q[:3])
     return np.append(vector, p[3] * q[3] - p[:3] @ q[:3])
 
 
 def main(folder: Path) -> None:
-    """Write the three models."""
+    """Write the three models, and print the rings' places."""
     models = folder / "models"
     models.mkdir(parents=True, exist_ok=True)
     for made in (ring(), spline(POST, "post"), spline(TRAY, "tray")):

@@ -2,20 +2,21 @@
 
     python tools/make_peg_scene.py [FOLDER]
 
-FOLDER is the scene's own unless it is given. Lengths are millimetres. The bore of the block has its
-axis on z, its mouth at z = 0 and its floor at z = -40; the peg has its origin at the middle of its
-tip and stands up along z.
+FOLDER defaults to the scene's own. Lengths are millimetres. The bore of the block has its axis on
+z, its mouth at z = 0 and its floor at z = -40. The peg has its origin at the middle of its tip and
+stands up along z.
 
 **What the facets do to the clearance.** The peg is a polygon of 64 sides inscribed in a circle of
-9.95 mm, the bore one of 80 sides circumscribed about a circle of 10.00 mm. So the distance between
-the two, on one axis and not turned about it, is exactly ``10.00 - 9.95 cos(d)``, where d is the
-angle from a vertex of the peg to the middle of the nearest side of the bore. Both have one at
-angle 0, and meet again every 360 / gcd(64, 80) = 22.5 degrees: d = 0, and the clearance is 0.05 mm,
-as in the round parts. Moved aside by e along x it is exactly 0.05 - e, because the vertex at angle
-0 moves straight towards the middle of its side, and no other vertex has a shorter way to go.
+9.95 mm, the bore one of 80 sides circumscribed about a circle of 10.00 mm. If both are on one axis
+and neither is turned about it, their distance is exactly ``10.00 - 9.95 cos(d)``, where d is the
+least angle from a vertex of the peg to the middle of a side of the bore. At angle 0, and again
+every 360 / gcd(64, 80) = 22.5 degrees, a vertex faces the middle of a side: d = 0, and the
+clearance is 0.05 mm, as in the round parts. If the peg is moved aside by e along x, the distance is
+exactly 0.05 - e: the vertex at angle 0 moves straight towards the middle of its side, and no other
+vertex has a shorter way to go.
 
-Coordinates are rounded to a millionth of a thousandth of a millimetre, so that every machine writes
-the same files although their sines differ in the last bit.
+Coordinates are rounded to a millionth of a thousandth of a millimetre. So every machine writes the
+same files, although sines differ in the last bit between machines.
 """
 
 from __future__ import annotations
@@ -37,10 +38,10 @@ Mesh = tuple[NDArray[np.float64], NDArray[np.int64]]
 
 
 def ring(facets: int, *, around: bool) -> NDArray[np.float64]:
-    """A regular polygon (facets, 2).
+    """Return a regular polygon (facets, 2).
 
-    Inscribed in the unit circle with a vertex at angle 0; or, with `around`, circumscribed about it
-    with the middle of a side at angle 0.
+    It is inscribed in the unit circle with a vertex at angle 0; or, with `around`, circumscribed
+    about it with the middle of a side at angle 0.
     """
     angle = 2.0 * np.pi / facets * (np.arange(facets) + (0.5 if around else 0.0))
     reach = 1.0 / np.cos(np.pi / facets) if around else 1.0
@@ -48,7 +49,7 @@ def ring(facets: int, *, around: bool) -> NDArray[np.float64]:
 
 
 def walls(profile: list[tuple[float, float]], unit: NDArray[np.float64]) -> Mesh:
-    """Rings of (radius, z) joined by triangles, outward if the profile goes up on the outside."""
+    """Return rings of (radius, z) joined by triangles, outward if the profile goes up outside."""
     n = len(unit)
     vertices = np.vstack([np.column_stack((r * unit, np.full(n, z))) for r, z in profile])
     here = np.arange(n)
@@ -59,7 +60,7 @@ def walls(profile: list[tuple[float, float]], unit: NDArray[np.float64]) -> Mesh
 
 
 def peg() -> Mesh:
-    """A pin with a chamfered tip, and a head by which it is held."""
+    """Return a pin with a chamfered tip, and a head by which it is held."""
     profile = [
         (PEG - TIP_CHAMFER, 0.0), (PEG, TIP_CHAMFER), (PEG, 55.0), (14.0, 55.0), (14.0, 65.0),
     ]  # fmt: skip
@@ -77,7 +78,7 @@ def peg() -> Mesh:
 
 
 def block() -> Mesh:
-    """A square block with a blind bore, chamfered at its mouth."""
+    """Return a square block with a blind bore, chamfered at its mouth."""
     profile = [
         (BORE, -DEPTH), (BORE, -MOUTH_CHAMFER), (BORE + MOUTH_CHAMFER, 0.0),
     ]  # fmt: skip
@@ -92,7 +93,8 @@ def block() -> Mesh:
     faces = [
         inside[:, ::-1],  # the material is outside the bore
         np.column_stack((here, after, np.full(n, floor))),
-        # The top: each side of the rim is joined to the corner of the quadrant that it ends in, and
+        # The top. A triangle joins each side of the rim to the corner of the quadrant in which the
+        # side ends, and each side of the square to the rim's last vertex before a new quadrant.
         # each side of the square to the rim's last vertex before a new quadrant.
         np.column_stack((after + rim, here + rim, top[((here + 1) % n) * 4 // n])),
         np.array([

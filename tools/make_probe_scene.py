@@ -1,16 +1,16 @@
-"""Make the bundled scene `probe`: a carved pebble, and the way of a probe's tip over it.
+"""Make the bundled scene `probe`: a carved pebble, and the path of a probe's tip over it.
 
     python tools/make_probe_scene.py [FOLDER]
 
-FOLDER is the scene's own unless it is given. Lengths are millimetres. The pebble is star-shaped
-about its origin: in the direction (x, y, z) of length 1 its surface is at
-``40 + 6 (x^3 - 3 x y^2) + 4 z (x^2 - y^2)``, two waves of three and of two round its axis that
-vanish smoothly at the poles. The tip goes three times up and down while it goes round twice, and
-comes as near as 0.3 mm to the smooth shape each time; to the mesh, whose facets lie a little inside
-it, that is 0.31 mm.
+FOLDER defaults to the scene's own. Lengths are millimetres. The pebble is star-shaped about its
+origin: in the direction (x, y, z) of length 1 its surface is at
+``40 + 6 (x^3 - 3 x y^2) + 4 z (x^2 - y^2)``: waves of three and of two periods round its axis,
+which vanish smoothly at the poles. The tip goes three times up and down while it goes round twice.
+Each time it comes as near as 0.3 mm to the smooth shape, which is 0.31 mm to the mesh, because the
+mesh's facets lie a little inside the smooth shape.
 
-Coordinates are rounded to a millionth of a millimetre, so that every machine writes the same files
-although their sines differ in the last bit.
+Coordinates are rounded to a millionth of a millimetre. So every machine writes the same files,
+although sines differ in the last bit between machines.
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ NEAREST, FARTHEST = 0.3, 15.0
 
 
 def height(direction: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Distances (n,) of the surface from the origin along unit vectors (n, 3)."""
+    """Return distances (n,) of the surface from the origin along unit vectors (n, 3)."""
     x, y, z = direction.T
     return 40.0 + 6.0 * (x**3 - 3.0 * x * y**2) + 4.0 * z * (x**2 - y**2)
 
 
 def path() -> NDArray[np.float64]:
-    """Return the keys (n, 4): t and position; the last is the first again."""
+    """Return the keys (n, 4): t and position; the last repeats the first position."""
     share = np.linspace(0.0, 1.0, KEYS + 1)
     azimuth = 4.0 * np.pi * share
     z = 0.7 * np.sin(6.0 * np.pi * share)

@@ -2,21 +2,21 @@
 
     python tools/make_turbine_scene.py [FOLDER]
 
-FOLDER is the scene's own unless it is given. Lengths are millimetres; the axis is x, and the blade
-stands along z. All three close up, with their normals outward.
+FOLDER defaults to the scene's own. Lengths are millimetres; the axis is x, and the blade stands
+along z. All three surfaces are closed, with their normals outward.
 
 The blade is a loft: airfoils at six radii, interpolated by cubic splines along and across. An
 airfoil is NACA's four-digit thickness (Abbott and von Doenhoff 1959, section 6.3) about a parabola.
-With the square root of the chordwise place as parameter it is smooth round its nose, where it is
-cut into a suction and a pressure side; ruled patches close the trailing edge, the root and the tip.
-Sections lie on surfaces of revolution, so the tip follows the shroud, 0.5 mm away in the middle of
-the chord and a little more at its ends.
+Its parameter is the square root of the chordwise position, which makes it smooth round its nose.
+There it is cut into a suction and a pressure side. Ruled patches close the trailing edge, the root
+and the tip. Sections lie on surfaces of revolution, so the tip follows the shroud, 0.5 mm away in
+the middle of the chord and a little more at its ends.
 
-Hub and shroud are exact rational surfaces of revolution, four quarters a profile curve. The
-shroud's axis lies 0.25 mm off that of the hub: so the clearance of a blade varies as it turns.
+Hub and shroud are exact rational surfaces of revolution: each profile curve makes four quarters.
+The shroud's axis lies 0.25 mm off that of the hub, so that a blade's clearance varies as it turns.
 
-Coordinates are rounded to a millionth of a millimetre, so that every machine writes the same files
-although their sines differ in the last bit.
+Coordinates are rounded to a millionth of a millimetre. So every machine writes the same files,
+although sines differ in the last bit between machines.
 """
 
 from __future__ import annotations
@@ -45,14 +45,15 @@ Reals = NDArray[np.float64]
 
 
 def casing(x: Reals | float) -> Reals | float:
-    """The radius of the shroud's inner surface: a flare."""
+    """Return the radius of the shroud's inner surface at x: a flare."""
     return 100.0 + 0.08 * x + 5e-4 * x * x
 
 
 def airfoil(share: float) -> tuple[Reals, Reals, Reals]:
-    """Along the root (0) to the tip (1): a parameter (n,), axial and tangential places.
+    """Return an airfoil, root (0) to tip (1): parameter (n,), axial and tangential positions.
 
-    From the trailing edge over the pressure side, the nose and the suction side back.
+    The points run from the trailing edge along the pressure side to the nose, and back along the
+    suction side.
     """
     chord = 38.0 - 6.0 * share
     thick = 0.16 - 0.08 * share
@@ -70,7 +71,7 @@ def airfoil(share: float) -> tuple[Reals, Reals, Reals]:
 
 
 def section(share: float) -> Reals:
-    """The points (n, 3) of an airfoil that is bent onto its surface of revolution."""
+    """Return the points (n, 3) of an airfoil that is bent onto its surface of revolution."""
     _, x, across = airfoil(share)
     tip = casing(x) - MEAN_GAP - 4e-4 * x * x
     radius = HUB_RADIUS + share * (tip - HUB_RADIUS)
@@ -79,13 +80,13 @@ def section(share: float) -> Reals:
 
 
 def blade() -> engine.ParametricSurface:
-    """Suction and pressure side, trailing edge, tip and root."""
+    """Return the blade: suction and pressure side, trailing edge, tip and root."""
     t, *_ = airfoil(0.0)
     shares = np.linspace(0.0, 1.0, SECTIONS)
     along = make_interp_spline(shares, np.stack([section(s) for s in shares]), 3)
     across = make_interp_spline(t, along.c.swapaxes(0, 1), 3)
-    across = insert(0.0, across, m=2)  # the nose: a knot of full multiplicity, where it can be cut
-    control = rounded(across.c[: len(across.t) - 4])  # below are zeros
+    across = insert(0.0, across, m=2)  # a knot of full multiplicity at the nose, to cut there
+    control = rounded(across.c[: len(across.t) - 4])  # the spline pads its coefficients with zeros
     first = int(np.searchsorted(across.t, 0.0))
     in_v, in_u = along.t, np.append(0.0, across.t[first:])
     pressure, suction = control[first - 1 :: -1], control[first - 1 :]
@@ -93,7 +94,7 @@ def blade() -> engine.ParametricSurface:
         raise AssertionError("the two sides must have the same knots")
 
     def ruled(a: Reals, b: Reals, knots: Reals) -> engine.Patch:
-        """From a curve to another (n, 3)."""
+        """Return the patch between two curves (n, 3)."""
         return engine.Patch(np.stack((a, b)), None, knots)
 
     return closed(
@@ -111,12 +112,12 @@ def blade() -> engine.ParametricSurface:
 def revolved(
     curves: list[tuple[Reals, Reals | None]], name: str, y: float = 0.0
 ) -> engine.ParametricSurface:
-    """A closed surface of profile curves, (n, 2) places along the axis and radii with knots.
+    """Return a closed surface of profile curves: (n, 2) axial positions and radii, with knots.
 
     Args:
         curves: one after the other; each turns about an axis along x by four quarters.
         name: of the model.
-        y: where the axis is.
+        y: of the axis.
     """
     arc = np.array([[1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
     made = []
@@ -132,17 +133,17 @@ def revolved(
 
 
 def closed(patches: list[engine.Patch], name: str) -> engine.ParametricSurface:
-    """The patches as one surface; an error if they leave it open."""
+    """Return the patches as one surface; an error if they leave it open."""
     return engine.ParametricSurface(patches, name=name, solid=True)
 
 
 def rounded(points: Reals) -> Reals:
-    """Coordinates that every machine finds."""
+    """Return rounded coordinates, which are the same on every machine."""
     return np.round(points, 6) + 0.0
 
 
 def hub() -> engine.ParametricSurface:
-    """A nose, a drum and its back."""
+    """Return the hub: a nose, a drum and a back."""
     nose = np.array([[-62.0, 0.0], [-62.0, 24.0], [-44.0, HUB_RADIUS], [-20.0, HUB_RADIUS]])
     drum = np.array([[-20.0, HUB_RADIUS], [24.0, HUB_RADIUS]])
     back = np.array([[24.0, HUB_RADIUS], [24.0, 0.0]])
@@ -150,7 +151,7 @@ def hub() -> engine.ParametricSurface:
 
 
 def shroud() -> engine.ParametricSurface:
-    """The flare inside, two ends, and a cylinder outside."""
+    """Return the shroud: the flare inside, two ends, and a cylinder outside."""
     x = np.linspace(-HALF_LENGTH, HALF_LENGTH, 7)
     flare = make_interp_spline(x, np.stack((x, casing(x)), axis=1), 3)
     knots = (flare.t - flare.t[0]) / (flare.t[-1] - flare.t[0])

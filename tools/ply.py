@@ -1,4 +1,4 @@
-"""Writes the meshes of bundled scenes as binary PLY files, the same ones on every machine."""
+"""Write the meshes of bundled scenes as binary PLY files, the same ones on every machine."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ def write(
 
     Args:
         path: the file.
-        vertices: in the unit that the comment tells.
+        vertices: in the unit that the comment names.
         faces: indices of vertices.
         comment: one line of ASCII.
-        real: PLY type of coordinates: `double`, or `float` where its steps do not matter.
+        real: PLY type of coordinates: `double`, or `float` if its rounding does not matter.
         index: PLY type of indices: `int`, or `ushort` for up to 65,536 vertices.
     """
     vertices, faces = np.asarray(vertices, dtype=np.float64), np.asarray(faces)

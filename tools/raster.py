@@ -28,7 +28,7 @@ class Camera:
         """Look at points (n, 3) from azimuth and elevation (degrees) so that they fill a frame.
 
         Args:
-            points: what must be seen.
+            points: the points that must be in the picture.
             azimuth: degrees, 0 from +x, 90 from +y.
             elevation: degrees above the horizon.
             frame: width and height in pixels, then left, right, top and bottom margin.
@@ -59,10 +59,10 @@ class Camera:
 
 
 class Picture:
-    """What has been drawn so far: per pixel the height towards the eye, the colour, the normal."""
+    """The picture drawn so far: per pixel the height towards the eye, the colour, the normal."""
 
     def __init__(self, camera: Camera) -> None:
-        """Start with nothing in sight."""
+        """Start with an empty picture."""
         shape = (camera.height, camera.width)
         self.camera = camera
         self.near = np.full(shape, -np.inf)
@@ -76,9 +76,9 @@ class Picture:
 
         Args:
             vertices: in world units.
-            faces: outward normals.
-            colour: of its surface.
-            cut: a plane (4,): what has ``cut[:3] @ p > cut[3]`` is cut away.
+            faces: with outward normals.
+            colour: of the mesh's surface.
+            cut: a plane (4,): points p with ``cut[:3] @ p > cut[3]`` are cut away.
             cut_colour: of the section.
         """
         camera = self.camera
@@ -127,7 +127,7 @@ class Picture:
         return np.clip(picture * (1.0 - ink) + INK * ink, 0.0, 1.0)
 
     def _occlusion(self) -> np.ndarray:
-        """How much of the surroundings of each pixel stands higher than it, 0..1."""
+        """Return how much of the surroundings of each pixel stands higher than it, 0..1."""
         floor = self.near[np.isfinite(self.near)].min(initial=0.0)
         near = np.where(np.isfinite(self.near), self.near, floor - 1e9)
         total, count = np.zeros(near.shape), 0
@@ -140,7 +140,7 @@ class Picture:
         return np.clip(1.6 * total / count, 0.0, 1.0)
 
     def _edges(self) -> np.ndarray:
-        """Strength of ink where the surface bends sharply or ends, 0..1."""
+        """Return the strength of ink where the surface bends sharply or ends, 0..1."""
         ink = np.zeros(self.near.shape)
         near = np.where(np.isfinite(self.near), self.near, -1e9)
         for axis in (0, 1):
@@ -159,7 +159,7 @@ class Picture:
 
 @njit(cache=True)
 def _fill(screen, beyond, near, face):
-    """Enter triangles (m, 3, 3) in the buffers; `beyond` (m, 3) is positive where cut away."""
+    """Draw triangles (m, 3, 3) into the buffers; `beyond` (m, 3) is positive if cut away."""
     height, width = near.shape
     for k in range(len(screen)):
         (x0, y0, z0), (x1, y1, z1), (x2, y2, z2) = screen[k]

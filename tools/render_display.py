@@ -23,15 +23,15 @@ SIZE = {"width": 1440, "height": 860}
 SMALL = {"width": 1000, "height": 640}
 FLAGS = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"]
 REPORT_HIGH = 860.0
-"""Pixels of a conflict's section that are shown: pictures, numbers, and the first change."""
+"""Pixels of a conflict's section to show: the pictures, the numbers, and the first change."""
 PATIENCE_MS = 240_000
 NEAR_S = 0.2
-"""A moment of the engine at which two pistons are nearer to the crankshaft than `warn`."""
+"""A time in the engine's motion, s, when two pistons are nearer to the crankshaft than `warn`."""
 TRIES = 20
 FRESH = "getComputedStyle(document.body).getPropertyValue('--pm-now') !== 'none'"
-# The news grows old when the animation of the style sheet ends that each tick begins anew.
+# Each tick restarts an animation of the style sheet; the page is stale when the animation ends.
 AGES = "() => { window.aged = false; document.body.onanimationend = () => { window.aged = true } }"
-# While `held` is set, the canvas shows what was drawn last, and to draw takes no time.
+# While `held` is set, nothing is drawn: the canvas keeps its last picture, and takes no time.
 HOLDING = """for (const name of [
   'clear', 'drawArrays', 'drawArraysInstanced', 'drawElements', 'drawElementsInstanced',
   'drawRangeElements',
@@ -89,13 +89,13 @@ def start_demo(scene: str, speed: float) -> tuple[subprocess.Popen, str]:
     )
     for line in demo.stdout:
         if line.startswith(BESIDE):
-            Thread(target=demo.stdout.read, daemon=True).start()  # a full pipe would stop it
+            Thread(target=demo.stdout.read, daemon=True).start()  # a full pipe would stop the demo
             return demo, line.removeprefix(BESIDE).strip()
     raise RuntimeError("the demo ended without a page")
 
 
 def press(page: Page, pair: str) -> None:
-    """Highlight a pair, or look at all again."""
+    """Highlight a pair, or end its highlighting."""
     page.locator(f'[data-pair="{pair}"]').dispatch_event("pointerdown")
 
 
@@ -105,7 +105,7 @@ def tab(page: Page, name: str) -> None:
 
 
 def settle(page: Page, frames: int = 15) -> None:
-    """Let some pictures be drawn."""
+    """Wait until some frames have been drawn."""
     page.evaluate(
         "n => new Promise(done => { const f = () => n-- ? requestAnimationFrame(f) : done();"
         " f() })",
@@ -114,9 +114,10 @@ def settle(page: Page, frames: int = 15) -> None:
 
 
 def shoot(page: Page, path: Path) -> None:
-    """Draw a picture while the news is fresh: software draws so slowly that it grows old meanwhile.
+    """Take a screenshot while the page is fresh, with the parts as they were drawn before.
 
-    So the parts are drawn first, and then the page with them.
+    Drawing in software is so slow that the page would grow stale meanwhile. So drawing is held, and
+    a screenshot during which the page has grown stale is taken again.
     """
     for _ in range(TRIES):
         page.evaluate("() => { window.held = true }")
@@ -132,7 +133,7 @@ def shoot(page: Page, path: Path) -> None:
 
 
 def play(page: Page, on: bool) -> None:
-    """Let the motion go on, or hold it at a moment, so that all numbers of a picture are of one."""
+    """Resume the motion, or pause it at NEAR_S, so that a picture's numbers are of one moment."""
     tab(page, "Session")
     button, then = ("Play", "Pause") if on else ("Pause", "Play")
     page.get_by_role("button", name=button, exact=True).click()
@@ -145,7 +146,7 @@ def play(page: Page, on: bool) -> None:
 
 
 def draw_engine(page: Page, folder: Path) -> None:
-    """All parts with their clearances, one pair alone, what accuracy costs, and bands."""
+    """Draw all parts with clearances, one pair alone, what accuracy costs, and bands."""
     settle(page)
     play(page, False)
     tab(page, "Clearances")
@@ -190,14 +191,14 @@ def draw_engine(page: Page, folder: Path) -> None:
 
 
 def draw_probe(page: Page, folder: Path) -> None:
-    """The 3D cursor: a point with a line to every part near it."""
+    """Draw the 3D cursor: a point with a line to every part near it."""
     tab(page, "Move")
     settle(page, 25)
     shoot(page, folder / "display_cursor.png")
 
 
 def draw_turbine(page: Page, folder: Path) -> None:
-    """Parametric surfaces, and one pair with what its points lie on; nothing moves."""
+    """Draw parametric surfaces, and a pair with the patches of its points; nothing moves."""
     press(page, "blade_3 - shroud")
     page.wait_for_selector("text=blade_3: patch")
     settle(page, 30)
@@ -211,25 +212,25 @@ def field(page: Page, label: str, i: int = 0) -> Locator:
 
 
 def put(page: Page, word: str, *place: float) -> None:
-    """Type a position of the one part that can be moved, in mm, and wait for the state of then."""
+    """Type a position (mm) of the only movable part, and wait until the page shows the state."""
     tab(page, "Move")
     for i, number in enumerate(place):
         field(page, "Position [mm]", i).fill(f"{number}")
-        page.wait_for_timeout(100)  # the library sends one value in 50 ms
+        page.wait_for_timeout(100)  # viser sends at most one value in 50 ms
     page.get_by_role("button", name="Put it there").click()
     page.wait_for_selector(f'#pm-banner[data-word="{word}"]')
     settle(page)
 
 
 def draw_peg(page: Page, folder: Path) -> None:
-    """A gap of 0.02 mm in a section, an event that is looked back at, and a session's report."""
+    """Draw a gap of 0.02 mm in a section, an event looked back at, and a session's report."""
     put(page, "clear", 0.0, 0.0, -10.0)
     put(page, "STOP", 0.046, 0.0, -10.0)
     put(page, "warn", 0.03, 0.0, -10.0)
     tab(page, "Clearances")
     for name in ("Section through it", "Zoom to the gap"):
         page.get_by_role("button", name=name).click()
-        page.mouse.move(5, 5)  # or a hint lies over the panel
+        page.mouse.move(5, 5)  # otherwise a hint would cover the panel
         settle(page)
     shoot(page, folder / "display_section.png")
     page.get_by_role("button", name="Whole scene").click()
@@ -241,12 +242,12 @@ def draw_peg(page: Page, folder: Path) -> None:
     settle(page)
     page.evaluate("() => document.querySelector('#pm-events').scrollIntoView({block: 'start'})")
     settle(page)
-    page.screenshot(path=folder / "display_event.png")  # of the past: it does not grow old
+    page.screenshot(path=folder / "display_event.png")  # a past event does not grow stale
     page.get_by_role("button", name="Back to live").click()
     with page.expect_download() as download:
         page.get_by_role("button", name="Conflicts, illustrated (HTML)").click()
     written = download.value.path().read_text(encoding="utf-8")
-    page.goto("about:blank")  # it draws no more, which would take what the next picture needs
+    page.goto("about:blank")  # stops its drawing, which would slow down the next picture
     report = page.context.browser.new_page(viewport=SMALL)
     report.set_content(written)
     begin = report.locator("section").first.bounding_box()

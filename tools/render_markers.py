@@ -1,13 +1,14 @@
-"""Draw what RViz and Foxglove are given: the messages of ~/parts and ~/markers of a running demo.
+"""Draw what RViz and Foxglove receive: the messages of ~/parts and ~/markers of a running demo.
 
     python -m pip install '.[ros]' matplotlib
     python tools/render_markers.py
     python tools/render_markers.py --scene rings --azimuth -70 --out rings.png
 
-It starts the demo on a DDS domain of its own, listens to both topics as a viewer does, draws once
-enough labels are shown, and ends the demo. Everything has the place, size and colour of its marker.
-What no viewer does: edges are inked, lines and points behind an opaque part are fainter instead of
-hidden, and labels that would cover each other are moved up or down, on a thin line to their places.
+The script starts the demo on a DDS domain of its own and listens to both topics as a viewer does.
+It draws once enough labels are shown, and ends the demo. Everything has the place, size and colour
+of its marker. Unlike in a viewer, edges are inked, lines and points behind an opaque part are
+fainter instead of hidden, and labels that would cover each other are moved up or down, with a thin
+line to their places.
 """
 
 from __future__ import annotations
@@ -47,13 +48,13 @@ KINDS = {
     for kind in ("TRIANGLE_LIST", "LINE_LIST", "SPHERE_LIST", "TEXT_VIEW_FACING")
 }
 PATIENCE_S = 240.0
-EVERY = QoSProfile(depth=100)  # no label stays because its deletion was missed
-SETTLE_S = 0.5  # after the first parts: the first ticks lack poses
-WAIT_S = 30.0  # for enough labels, then for any: a turn of the engine takes 25
+EVERY = QoSProfile(depth=100)  # so that no deletion is missed, which would leave a label
+SETTLE_S = 0.5  # after the first parts, because the first ticks lack poses
+WAIT_S = 30.0  # for enough labels, later for any (a turn of the engine takes 25 s)
 SIZE = (1200, 860)
-MARGINS = (50, 50, 40, 76)  # left, right, top, bottom, in pixels: labels stand out, a caption below
+MARGINS = (50, 50, 40, 76)  # left, right, top, bottom, in pixels: room for labels and a caption
 BACKGROUND = 48 / 255  # as in rviz/assembly.rviz
-PIECES = 64  # of a line, each behind a part or not
+PIECES = 64  # of a line; each is tested for a part in front of it
 FAINT = 0.4
 DPI = 100
 CAPITAL = 0.729  # of matplotlib's font size: a text marker's scale.z is the height of a capital
@@ -63,12 +64,12 @@ class Viewer(Node):
     """Keeps the markers of both topics as a viewer does, until there is something to draw."""
 
     def __init__(self, labels: int) -> None:
-        """Subscribe; `ready` is set once parts come while so many labels are shown, or in time."""
+        """Subscribe; parts set `ready` once `labels` labels are shown, or after a time limit."""
         super().__init__("render_markers")
         self.ready = False
         self._labels = labels
         self._since = np.inf
-        # By topic, namespace and id, each with the time at which its life ends.
+        # By topic, then by namespace and id: each marker with the time at which its lifetime ends.
         self._kept: dict[str, dict[tuple[str, int], tuple[Marker, float]]] = defaultdict(dict)
         self.create_subscription(MarkerArray, MARKERS, self._take_marks, EVERY)
         self.create_subscription(MarkerArray, PARTS, self._take_parts, LATCHED, raw=True)
@@ -83,9 +84,10 @@ class Viewer(Node):
             self._keep(MARKERS, message)
 
     def _take_parts(self, data: bytes) -> None:
-        """Unpack the parts, which takes Python long, only when they are to be drawn.
+        """Unpack the parts only when they are to be drawn, because unpacking in Python is slow.
 
-        Each message is complete, and a tick publishes it last: its distances are here by now.
+        Each message is complete. A tick publishes it last, so the tick's distances are already
+        here.
         """
         self._since = min(self._since, time.monotonic())
         labels = sum(mark.type == Marker.TEXT_VIEW_FACING for mark in self.shown(MARKERS))
@@ -93,7 +95,7 @@ class Viewer(Node):
         if not self.ready and labels and time.monotonic() - self._since > wait_s:
             message = deserialize_message(data, MarkerArray)
             self._keep(PARTS, message)
-            self.ready = len(self._kept[PARTS]) == len(message.markers)  # no body without a pose
+            self.ready = len(self._kept[PARTS]) == len(message.markers)  # every body has a pose
 
     def _keep(self, topic: str, message: MarkerArray) -> None:
         kept, now = self._kept[topic], time.monotonic()
@@ -108,7 +110,7 @@ class Viewer(Node):
 
 
 def main() -> int:
-    """Draw what the command line asks for; return 1 if that does not come."""
+    """Draw what the command line asks for; return 1 if there is nothing to draw."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -138,7 +140,7 @@ def main() -> int:
 
 
 def listen(scene: str, labels: int) -> tuple[list[Marker], list[Marker]]:
-    """Return what a viewer of a demo shows of both topics; nothing if that does not come."""
+    """Return what a viewer of a demo shows of both topics; nothing if it does not come in time."""
     os.environ |= {
         "ROS_DOMAIN_ID": str(random.SystemRandom().randint(1, 100)),
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
@@ -161,7 +163,7 @@ def listen(scene: str, labels: int) -> tuple[list[Marker], list[Marker]]:
 
 
 def draw(parts: list[Marker], marks: list[Marker], asked: argparse.Namespace) -> None:
-    """Write the picture of what is shown."""
+    """Write a picture of the markers."""
     width, height = SIZE
     everything = np.vstack([_points(marker) for marker in parts])
     frame = tuple(FINER * v for v in (*SIZE, *MARGINS))
@@ -185,7 +187,7 @@ def draw(parts: list[Marker], marks: list[Marker], asked: argparse.Namespace) ->
 
 
 def _solids(parts: list[Marker], camera: Camera) -> tuple[np.ndarray, np.ndarray]:
-    """Return the parts' picture, and how near to the eye its opaque surfaces are."""
+    """Return the parts' picture, and how near to the eye their opaque surfaces are."""
     opaque, translucent = Picture(camera), []
     for marker in parts:
         triangles = _points(marker).reshape(-1, 3, 3)
@@ -194,12 +196,12 @@ def _solids(parts: list[Marker], camera: Camera) -> tuple[np.ndarray, np.ndarray
         else:
             translucent.append((triangles, marker))
     drawn = opaque.shaded(BACKGROUND)
-    # The farthest first, by their middles, as viewers do.
+    # The farthest first, by their middles, as viewers sort them.
     translucent.sort(key=lambda each: (each[0] @ camera.axes[2]).mean())
     for triangles, marker in translucent:
         edges = triangles[:, 1:] - triangles[:, :1]
         towards = np.cross(edges[:, 0], edges[:, 1]) @ camera.axes[2] > 0.0
-        # A viewer shows both sides of a triangle: those turned away first, here turned round.
+        # A viewer shows both sides of a triangle: first those that face away, reversed here.
         for side in (triangles[~towards][:, ::-1], triangles[towards]):
             layer = Picture(camera)
             _add(layer, side, marker)
@@ -214,7 +216,7 @@ def _add(picture: Picture, triangles: np.ndarray, marker: Marker) -> None:
 
 
 def _lines(axes: Axes, marker: Marker, near: np.ndarray, camera: Camera) -> None:
-    """Draw lines in pieces, as a part may hide some of them and the colour may change."""
+    """Draw lines in pieces, because a part may hide some pieces, and the colour may change."""
     ends = camera.project(_points(marker)).reshape(-1, 2, 3)
     colours = _colours(marker).reshape(-1, 2, 4)
     along = np.linspace(0.0, 1.0, PIECES + 1)[:, None]
@@ -230,12 +232,12 @@ def _lines(axes: Axes, marker: Marker, near: np.ndarray, camera: Camera) -> None
 def _spheres(axes: Axes, marker: Marker, near: np.ndarray, camera: Camera) -> None:
     seen, colours = camera.project(_points(marker)), _colours(marker)
     colours[_behind(seen, near, 0.5 * marker.scale.x), 3] *= FAINT
-    area = _wide(marker.scale.x, camera) ** 2  # of the square round a disc
+    area = _wide(marker.scale.x, camera) ** 2  # of the square around a disc
     axes.scatter(*seen[:, :2].T / FINER, s=area, c=colours, linewidths=0, zorder=3)
 
 
 def _labels(axes: Axes, texts: list[Marker], camera: Camera) -> None:
-    """Write texts at their places, or above or below where they would cover each other."""
+    """Write texts at their places, moved up or down if they would cover each other."""
     halo = [withStroke(linewidth=5.0, foreground=str(BACKGROUND))]
     style = {"ha": "center", "va": "center", "path_effects": halo, "zorder": 5}
     drawn = []
@@ -243,7 +245,7 @@ def _labels(axes: Axes, texts: list[Marker], camera: Camera) -> None:
         x, y, _ = camera.project(_pose(marker)[None, :3, 3])[0] / FINER
         size, colour = _wide(marker.scale.z, camera) / CAPITAL, _rgba(marker.color)
         drawn.append(axes.text(x, y, marker.text, fontsize=size, color=colour, **style))
-    boxes = [text.get_window_extent() for text in drawn]  # upwards, as pictures are not
+    boxes = [text.get_window_extent() for text in drawn]  # their y points up, that of pictures down
     down = np.zeros(len(drawn))
     for _ in range(200):
         for (i, a), (j, b) in combinations(enumerate(boxes), 2):
@@ -258,7 +260,7 @@ def _labels(axes: Axes, texts: list[Marker], camera: Camera) -> None:
 
 
 def _caption(axes: Axes, parts: list[Marker], marks: list[Marker]) -> None:
-    """Say at the bottom what is of which topic, and what the colours mean."""
+    """Write at the bottom what each topic contributes, and what the colours mean."""
     (right, bottom), style = SIZE, {"fontsize": 11, "va": "center"}
     for y, topic, markers in ((bottom - 44, PARTS, parts), (bottom - 22, MARKERS, marks)):
         counts = Counter((marker.ns, KINDS[marker.type]) for marker in markers)

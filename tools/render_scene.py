@@ -158,7 +158,7 @@ def _write(path: Path, drawn: np.ndarray, measured: list[Measured]) -> None:
 
 
 def _spread(row: list[Measured], width: int) -> np.ndarray:
-    """Return a column for each label: its line's own, moved aside as far as the row needs."""
+    """Return a column for each label: that of its line, moved aside as far as the row needs."""
     wanted = np.array([each.points[:, 0].mean() for each in row])
     gap = min(235.0, (width - 250.0) / max(1, len(row) - 1))
     x = wanted.copy()

@@ -18,9 +18,9 @@ from manifold3d import Manifold, Mesh64
 def ring(radius: float, facets: int, *, around: bool = False, centre=(0.0, 0.0)) -> np.ndarray:
     """Return a regular polygon (facets, 2), counter-clockwise.
 
-    Inscribed in the circle, with a vertex at angle 0; or, with `around`, circumscribed about it,
-    with the middle of a side at angle 0. `facets` must be a multiple of four, so that the polygon
-    is symmetric about both axes.
+    It is inscribed in the circle with a vertex at angle 0; or, with `around`, circumscribed about
+    it with the middle of a side at angle 0. `facets` must be a multiple of four, so that the
+    polygon is symmetric about both axes.
     """
     if facets % 4:
         raise ValueError(f"facets: {facets} is no multiple of four")
@@ -106,8 +106,9 @@ def union(parts: Iterable[Manifold]) -> Manifold:
 def write_ply(path: str | os.PathLike[str], made: Manifold, comment: str) -> tuple[int, int]:
     """Write a binary little-endian PLY with double coordinates and shared vertices.
 
-    Double, because float32 steps by 0.00002 mm at 200 mm, a tenth of a per cent of a running
-    clearance; shared, so that a reader needs no welding to find the mesh closed.
+    Coordinates are double, because float32 has steps of 0.00002 mm at 200 mm, a tenth of a per cent
+    of a running clearance. Vertices are shared, so that a reader finds the mesh closed without
+    welding.
 
     Returns:
         The numbers of vertices and of triangles.
@@ -118,7 +119,7 @@ def write_ply(path: str | os.PathLike[str], made: Manifold, comment: str) -> tup
 
 
 def _in_order(made: Manifold) -> tuple[np.ndarray, np.ndarray]:
-    """Return vertices and triangles sorted, whatever order the boolean operations left them in."""
+    """Return sorted vertices and triangles, independent of the order of boolean operations."""
     mesh = made.to_mesh64()
     vertices = np.asarray(mesh.vert_properties)[:, :3] + 0.0  # turns -0.0 into 0.0
     order = np.lexsort(vertices.T[::-1])

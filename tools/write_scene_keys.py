@@ -2,7 +2,7 @@
 
     python tools/write_scene_keys.py
 
-The schema's own descriptions are the text, so they are changed there.
+The texts are the schema's own descriptions: change them there.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class _Page:
         self.done: set[str] = set()
 
     def _title(self, key: str, parent: str) -> str:
-        """What a mapping without a name of its own is called: keys such as `bodies` occur twice."""
+        """Return an unnamed mapping's title, with its parent because keys like `bodies` recur."""
         parent = parent.partition(" of ")[0]
         return key if parent in ("scene", "motion", "primitive") else f"{key} of {parent}"
 
@@ -66,7 +66,7 @@ class _Page:
     def _value(
         self, parent: str, key: str, schema: Schema, inside: list[tuple[str, Schema]]
     ) -> tuple[str, str]:
-        """What a value looks like, and what it means; mappings in it are added to `inside`."""
+        """Return what a value looks like and what it means; add mappings in it to `inside`."""
         name, text = self._title(key, parent), schema.get("description", "")
         if "$ref" in schema:
             name = schema["$ref"].rpartition("/")[2]
@@ -95,7 +95,7 @@ class _Page:
 
 
 def page(schema: Schema) -> str:
-    """The page about a schema, as Markdown."""
+    """Return the page about a schema, as Markdown."""
     made = _Page(schema)
     made.section("scene", schema | {"description": ""})
     return "\n\n".join([HEAD.format(description=schema["description"]), *made.sections]) + "\n"
@@ -107,7 +107,7 @@ def _choices(branches: list[Schema]) -> str:
 
 
 def _scalar(schema: Schema) -> str:
-    """A value that is no mapping or list: its type and limits."""
+    """Return the type and limits of a value that is neither a mapping nor a list."""
     if "const" in schema:
         return f"`{json.dumps(schema['const'])}`"
     if "enum" in schema:

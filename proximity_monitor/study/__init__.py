@@ -1,1 +1,1 @@
-"""Studies of the engine: its scenes, and what accuracy costs in time. Knows nothing of ROS."""
+"""Studies of the engine: its scenes, and what accuracy costs in time. Does not use ROS."""

@@ -29,7 +29,7 @@ PARTS = {
     "iterations": "error and time against iterations, for surfaces (1997 paper, Figure 11)",
     "cones": "what spheres, normal cones and directions prune (2000 paper, section 6)",
 }
-"""The parts, in the order of the page; listed here so that the help needs no library."""
+"""The parts, in the order of the page; listed here so that the help imports no library."""
 
 _EPILOG = """\
 parts:
@@ -66,7 +66,7 @@ def _run(arguments: Sequence[str] | None) -> int:
         return 0
     try:
         return _accuracy(chosen, f"{_PROGRAM} {shlex.join(given)}")
-    except KeyboardInterrupt:  # before anything was measured, or while the page was written
+    except KeyboardInterrupt:  # before anything is measured, or while the page is written
         return 130
 
 
@@ -130,7 +130,7 @@ def _accuracy(chosen: argparse.Namespace, command: str) -> int:
         from .accuracy.page import render
     except ImportError as error:
         if (error.name or "").startswith("proximity_monitor"):
-            raise  # our own fault, which no installation mends
+            raise  # a fault of the package itself, which no installation repairs
         print(_INSTALL.format(name=error.name), file=sys.stderr)
         return 1
     if chosen.render_only:
@@ -153,7 +153,7 @@ def _accuracy(chosen: argparse.Namespace, command: str) -> int:
 
 
 def _rendered(out: Path, render: Callable[[], Path]) -> int:
-    """Write page and figures again; that needs what was measured, and no scenes."""
+    """Write the page and its figures again from the data in `out`; return the exit code."""
     if not any((out / "accuracy").glob("*.csv")):
         print(
             f"--render-only: no data in {out / 'accuracy'}; measure first, or name the folder that "

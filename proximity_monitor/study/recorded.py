@@ -20,14 +20,14 @@ class RecordedDataError(ValueError):
 
 
 def find_falling_tori(data: Path | None, usual: Path) -> Path | None:
-    """The folder `falling_tori`, or None if nobody says that there should be one.
+    """Return the folder `falling_tori`, or None if it is missing and was not asked for.
 
     Args:
         data: the folder that holds it; None: the one that VARIABLE names, else `usual`.
-        usual: where it may lie, but need not.
+        usual: where the folder may lie, but need not.
 
     Raises:
-        FileNotFoundError: `data`, or the folder that VARIABLE names, holds none.
+        FileNotFoundError: `data`, or the folder that VARIABLE names, holds no `falling_tori`.
     """
     given = data or os.environ.get(VARIABLE)
     folder = Path(given or usual) / "falling_tori"
@@ -39,7 +39,7 @@ def find_falling_tori(data: Path | None, usual: Path) -> Path | None:
 
 
 def falling_tori(folder: Path) -> StudyScene:
-    """The scene in that folder: 2,398 steps along the recorded path.
+    """Return the scene in that folder: 2,398 steps along the recorded path.
 
     Raises:
         RecordedDataError: a file is missing or damaged; the message names it.
@@ -56,7 +56,7 @@ def falling_tori(folder: Path) -> StudyScene:
 
 
 def _triples(file: Path, many: int) -> NDArray[np.float64]:
-    """The rows (k, many, 3) of a file that begins with their number."""
+    """Return the rows (k, many, 3) of a file that begins with their number."""
     try:
         return np.array(file.read_text().split()[1:], float).reshape(-1, many, 3)
     except (OSError, ValueError) as error:
@@ -64,12 +64,12 @@ def _triples(file: Path, many: int) -> NDArray[np.float64]:
 
 
 def _welded(corners: NDArray[np.float64]) -> Mesh:
-    """Make shared corners one vertex, as in every other scene."""
+    """Merge equal corners into one vertex, as in every other scene."""
     vertices, faces = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
     return vertices, faces.reshape(-1, 3).astype(np.int32)
 
 
 def _orthonormal(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The nearest rotations to (k, 3, 3) matrices that were written with six digits."""
+    """Return the rotations nearest to matrices (k, 3, 3) that were written with six digits."""
     u, _, v = np.linalg.svd(matrices)
     return u @ v

@@ -39,7 +39,7 @@ class StudyScene:
         tracks: the pairs; all have the same number of steps.
         block: how many steps in a row one engine answers before the next has its turn.
         quick: how many blocks, spread evenly over the steps, a quick run takes.
-        surfaces: models that are no meshes, by name.
+        surfaces: models that are not meshes, by name.
     """
 
     meshes: dict[str, shapes.Mesh]
@@ -50,26 +50,26 @@ class StudyScene:
 
 
 def rotation_poses(axis: NDArray[np.float64], angle: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Poses that turn about unit axes (3,) or (k, 3) by angles (k,)."""
+    """Return poses that turn about unit axes (3,) or (k, 3) by angles (k,)."""
     poses = identities(len(angle))
     poses[:, :3, :3] = rotations(axis, angle)
     return poses
 
 
 def identities(count: int) -> NDArray[np.float64]:
-    """(count, 4, 4) identity poses."""
+    """Return (count, 4, 4) identity poses."""
     return np.tile(np.eye(4), (count, 1, 1))
 
 
 def random_rotations(random: np.random.Generator, count: int) -> NDArray[np.float64]:
-    """Poses at the origin, with uniformly distributed orientations."""
+    """Return poses at the origin with uniformly distributed orientations."""
     w, *axis = (q := random.normal(size=(count, 4))).T / np.linalg.norm(q, axis=1)
     length = np.linalg.norm(axis, axis=0)
     return rotation_poses((axis / length).T, 2.0 * np.arctan2(length, w))
 
 
 def engine_block(a: str, b: str) -> StudyScene:
-    """One turn of the bundled engine: the watched pairs of a kind of body with another kind."""
+    """Return one turn of the bundled engine: its watched pairs of two kinds of bodies."""
     description = load_scene(bundled("engine"))
     moves = motion.from_scene(description)
     steps = 128
@@ -90,13 +90,13 @@ def engine_block(a: str, b: str) -> StudyScene:
 
 
 def corridor(count: int) -> NDArray[np.float64]:
-    """(count, 3) points of a closed path through the cave, which stalactites leave free."""
+    """Return points (count, 3) of a closed path through the cave, kept free of stalactites."""
     s = np.linspace(0.0, 2.0 * np.pi, count)
     return np.stack((2.4 * np.cos(s), 2.0 * np.sin(2 * s) * 0.6, 0.35 * np.sin(3 * s)), axis=1)
 
 
 def cave(coherent: bool) -> StudyScene:
-    """A wrinkled torus in a cave: 2,880 random poses as a path planner tries them, or one path."""
+    """Return a wrinkled torus in a cave: 2,880 poses, random as a planner's or along one path."""
     meshes = {"torus": shapes.wrinkled_torus(), "cave": shapes.cave(corridor(400), clear=0.25)}
     count = 2880
     random = np.random.default_rng(2880)
@@ -111,7 +111,7 @@ def cave(coherent: bool) -> StudyScene:
 
 
 def chain() -> StudyScene:
-    """Ten rings that hang in one another, held level and let go: all 45 pairs at each step."""
+    """Return ten interlocked rings, held level and let go: all 45 pairs at each step."""
     links, steps, spacing, step_s = 10, 480, 1.3, 0.01
     joints = np.zeros((links + 1, 3))
     joints[:, 0] = spacing * np.arange(links + 1)
@@ -121,7 +121,7 @@ def chain() -> StudyScene:
     for step in range(steps):
         joints, before = joints + 0.995 * (joints - before), joints
         joints[:, 2] -= 9.81 * step_s**2
-        for _ in range(60):  # a joint of the chain is a point; the links keep their lengths
+        for _ in range(60):  # restores the links' lengths; a joint between links is a point
             for start in (0, 1):
                 link = joints[start + 1 :: 2] - joints[start:-1:2][: len(joints[start + 1 :: 2])]
                 length = np.linalg.norm(link, axis=1, keepdims=True)
@@ -144,7 +144,7 @@ def chain() -> StudyScene:
 
 
 def tori() -> StudyScene:
-    """A warped torus lands aslant on a lumpy one, pivots and falls through its hole."""
+    """Return a warped torus that lands aslant on a lumpy one, pivots and falls through its hole."""
     count = 2398
     share = np.linspace(0.0, 1.0, count)
     times = (0.0, 0.25, 0.65, 0.8, 1.0)
@@ -162,7 +162,7 @@ def tori() -> StudyScene:
 
 
 def separated_spheres(gap: float) -> StudyScene:
-    """Two unit spheres side by side, 500 times in random orientations."""
+    """Return two unit spheres side by side, in 500 random orientations."""
     random = np.random.default_rng(500)
     poses_a, poses_b = random_rotations(random, 500), random_rotations(random, 500)
     poses_b[:, 0, 3] = 2.0 + gap
@@ -170,7 +170,7 @@ def separated_spheres(gap: float) -> StudyScene:
 
 
 def concentric_spheres(gap: float) -> StudyScene:
-    """A sphere in the middle of a unit sphere, 60 times in random orientations."""
+    """Return a sphere in the middle of a unit sphere, in 60 random orientations."""
     random = np.random.default_rng(60)
     poses = random_rotations(random, 60), random_rotations(random, 60)
     meshes = {"outer": shapes.sphere(1.0), "inner": shapes.sphere(1.0 - gap)}
@@ -178,10 +178,10 @@ def concentric_spheres(gap: float) -> StudyScene:
 
 
 def growing_tori() -> StudyScene:
-    """A lumpy torus goes round another, tumbling; both of 500 triangles, of 1,000 … 512,000.
+    """Return a lumpy torus that tumbles round another, both of 500, 1,000 … 512,000 triangles.
 
-    As the 1997 paper moves models of growing resolution round a stationary one (section 3.1.1).
-    Each size is a track of its own, and all take the same way.
+    The 1997 paper also moves models of growing resolution round a stationary one (section 3.1.1).
+    Each size has its own track, and all follow the same path.
     """
     count = 512
     share = np.linspace(0.0, 1.0, count)
@@ -212,4 +212,4 @@ SCENES: dict[str, Callable[[], StudyScene]] = {
     **{f"spheres/{gap}": partial(separated_spheres, gap) for gap in (0.01, 0.1, 1.0, 10.0)},
     **{f"concentric/{gap}": partial(concentric_spheres, gap) for gap in (0.1, 0.3, 0.5, 0.7, 0.9)},
 }
-"""The makers of scenes by name; the word before the slash is a family."""
+"""The makers of scenes by name; the word before the slash names a family."""

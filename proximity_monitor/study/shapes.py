@@ -11,7 +11,7 @@ Mesh = tuple[NDArray[np.float64], NDArray[np.int32]]
 
 
 def sphere(radius: float, around: int = 200, bands: int = 101) -> Mesh:
-    """A sphere of meridians and parallels: 40,000 triangles as it stands."""
+    """Return a sphere of meridians and parallels: by default of 40,000 triangles."""
     polar = np.linspace(0.0, np.pi, bands + 1)[1:-1, None]
     azimuth = np.linspace(0.0, 2.0 * np.pi, around, endpoint=False)[None, :]
     ring = np.stack(
@@ -34,12 +34,13 @@ def torus(
     minor: int,
     point: Callable[[NDArray[np.float64], NDArray[np.float64]], tuple[NDArray[np.float64], ...]],
 ) -> Mesh:
-    """A torus of 2 major minor triangles.
+    """Return a torus of 2 major minor triangles.
 
     Args:
         major: steps around the axis.
         minor: steps around the tube.
-        point: of both angles, to the ring's radius, the tube's radius and a lift along the axis.
+        point: returns the ring's radius, the tube's radius and a lift along the axis, from the
+            angles around the axis and around the tube.
     """
     u = np.linspace(0.0, 2.0 * np.pi, major, endpoint=False)[:, None]
     v = np.linspace(0.0, 2.0 * np.pi, minor, endpoint=False)[None, :]
@@ -50,7 +51,7 @@ def torus(
 
 
 def wrinkled_torus() -> Mesh:
-    """20,000 triangles: fine folds around and along the tube."""
+    """Return a torus of 20,000 triangles with fine folds around and along the tube."""
     return torus(
         100,
         100,
@@ -63,7 +64,7 @@ def wrinkled_torus() -> Mesh:
 
 
 def lumpy_torus(major: int = 54, minor: int = 30) -> Mesh:
-    """3,240 triangles as it stands: the obstacle of the falling tori."""
+    """Return the obstacle of the falling tori: by default of 3,240 triangles."""
     return torus(
         major,
         minor,
@@ -72,20 +73,20 @@ def lumpy_torus(major: int = 54, minor: int = 30) -> Mesh:
 
 
 def warped_torus() -> Mesh:
-    """1,332 triangles: the one that falls."""
+    """Return the torus that falls: 1,332 triangles."""
     return torus(37, 18, lambda u, v: (0.36, 0.10 + 0 * v, 0.09 * np.sin(2 * u)))
 
 
 def ring() -> Mesh:
-    """256 triangles: a link of the chain."""
+    """Return a link of the chain: 256 triangles."""
     return torus(16, 8, lambda u, v: (1.0, 0.18 + 0 * (u + v), 0))
 
 
 def cave(corridor: NDArray[np.float64], clear: float) -> Mesh:
-    """A cave of 50,992 triangles, 8 m across and 3 m high: floor and ceiling meet at its rim.
+    """Return a cave of 50,992 triangles, 8 m across, 3 m high: floor and ceiling meet at its rim.
 
-    458 stalactites and stalagmites of 24 long thin triangles each stand in it, shortened where
-    they would come nearer to the corridor than asked.
+    It has 458 stalactites and stalagmites of 24 long thin triangles each. They are shortened if
+    they would come nearer to the corridor than `clear`.
 
     Args:
         corridor: (k, 3) points, metres.
@@ -103,7 +104,7 @@ def cave(corridor: NDArray[np.float64], clear: float) -> Mesh:
     ]
     cells = _quads(steps, steps, close_rows=False, close_columns=False)
     parts = [(sheet, cells) for sheet in sheets]
-    # The sheets have 2 x 20,000 triangles; the cones below make 24 each of the rest.
+    # The sheets have 2 x 20,000 triangles; the cones below have the others, 24 each.
     for i in range(458):
         parts.append(_cone(random, sheets[i % 2], -1.0 if i % 2 == 0 else 1.0, corridor, clear))
     return _joined(parts)
@@ -116,7 +117,7 @@ def _cone(
     corridor: NDArray[np.float64],
     clear: float,
 ) -> Mesh:
-    """One stalactite (direction -1) or stalagmite (+1): eight sides, two storeys."""
+    """Return one stalactite (direction -1) or stalagmite (+1): eight sides, two storeys."""
     while np.hypot(*(root := sheet[random.integers(len(sheet))])[:2]) > 3.6:
         pass
     width, length = random.uniform(0.03, 0.12), random.uniform(0.3, 1.6)
@@ -141,7 +142,7 @@ def _cone(
 def _quads(
     rows: int, columns: int, close_rows: bool = True, close_columns: bool = True
 ) -> NDArray[np.int64]:
-    """Two triangles for each cell of a grid of vertices, which may be closed either way."""
+    """Return two triangles for each cell of a grid of vertices, which may be closed either way."""
     i, j = np.meshgrid(
         np.arange(rows if close_rows else rows - 1),
         np.arange(columns if close_columns else columns - 1),
@@ -154,7 +155,7 @@ def _quads(
 
 
 def _joined(parts: list[Mesh]) -> Mesh:
-    """Several meshes as one."""
+    """Return several meshes as one."""
     starts = np.cumsum([0] + [len(vertices) for vertices, _ in parts[:-1]])
     faces = [faces + start for (_, faces), start in zip(parts, starts, strict=True)]
     return np.concatenate([v for v, _ in parts]), np.concatenate(faces).astype(np.int32)

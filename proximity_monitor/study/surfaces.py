@@ -16,12 +16,12 @@ from .scenes import StudyScene, Track, identities, random_rotations, rotation_po
 Reals = NDArray[np.float64]
 
 POINT = "point"
-"""The name of the point that patches are asked about with."""
+"""The name of the point in pairs of a point and a patch."""
 _STEPS = 192
 
 
 def wavy(seed: int, count: int, height: float = 0.1, degree: int = 3) -> engine.Patch:
-    """A net of count x count points over the unit square, with uniform knots and waves."""
+    """Return a net of count x count points over the unit square: uniform knots, random heights."""
     rng = np.random.default_rng(seed)
     x, y = np.meshgrid(*2 * [np.linspace(0.0, 1.0, count)], indexing="ij")
     inner = np.linspace(0.0, 1.0, count + 1 - degree)
@@ -31,9 +31,9 @@ def wavy(seed: int, count: int, height: float = 0.1, degree: int = 3) -> engine.
 
 
 def degrees(count: int) -> StudyScene:
-    """Two nets at each degree that they allow: a point about the one, and the other at random.
+    """Return two nets at each degree they allow: points against one, and both against each other.
 
-    As the 1997 paper takes one net of 10 x 10 points at different orders (section 3.1.2).
+    The 1997 paper takes one net of 10 x 10 points at different orders (section 3.1.2).
     """
     random = np.random.default_rng(1997)
     points = identities(_STEPS)
@@ -50,13 +50,13 @@ def degrees(count: int) -> StudyScene:
 
 
 def random_nets() -> StudyScene:
-    """Two bicubic nets of 10 x 10 points at random poses, apart."""
+    """Return two bicubic nets of 10 x 10 points at random poses, apart."""
     poses = _apart(np.random.default_rng(11))
     return _two(wavy(1, 10), wavy(2, 10), poses)
 
 
 def parallel_nets() -> StudyScene:
-    """Two flat bicubic nets of 30 x 30 points, one above the other and nearly parallel to it."""
+    """Return two flat bicubic nets of 30 x 30 points, one above the other and nearly parallel."""
     random = np.random.default_rng(12)
     tilt = random.normal(size=(_STEPS, 3)) * (1.0, 1.0, 0.0)
     tilt /= np.linalg.norm(tilt, axis=1, keepdims=True)
@@ -71,7 +71,7 @@ def _two(a: engine.Patch, b: engine.Patch, poses: NDArray[np.float64]) -> StudyS
 
 
 def _apart(random: np.random.Generator) -> NDArray[np.float64]:
-    """Poses of a net over the unit square that keep it off another one at the origin."""
+    """Return poses of a net over the unit square, centred 1.2 to 2.0 from the net at the origin."""
     poses, middle = random_rotations(random, _STEPS), np.array([0.5, 0.5, 0.0])
     way = random.normal(size=(_STEPS, 3))
     way *= random.uniform(1.2, 2.0, (_STEPS, 1)) / np.linalg.norm(way, axis=1, keepdims=True)
@@ -80,7 +80,7 @@ def _apart(random: np.random.Generator) -> NDArray[np.float64]:
 
 
 def _sheet(height: Callable[[Reals, Reals], Reals]) -> engine.ParametricSurface:
-    """Sixteen bicubic patches over the square of side 2, through points of these heights."""
+    """Return sixteen bicubic patches over a square of side 2, through points of these heights."""
     t = np.linspace(0.0, 1.0, 4)
     basis = np.stack([(1 - t) ** 3, 3 * t * (1 - t) ** 2, 3 * t * t * (1 - t), t**3], axis=1)
     inverse, patches = np.linalg.inv(basis), []
@@ -99,19 +99,19 @@ def _sheets(
 
 
 def facing() -> StudyScene:
-    """Two domes, 0.2 apart."""
+    """Return two domes, 0.2 apart."""
     return _sheets(
         lambda x, y: 0.1 + 0.3 * (x * x + y * y), lambda x, y: -0.1 - 0.3 * (x * x + y * y)
     )
 
 
 def nested() -> StudyScene:
-    """A dome in a bowl that is a little less bent, nearly parallel to it, 0.02 apart."""
+    """Return a dome in a bowl that is bent a little less: nearly parallel, 0.02 apart."""
     return _sheets(lambda x, y: 0.3 * (x * x + y * y), lambda x, y: -0.02 + 0.29 * (x * x + y * y))
 
 
 def waves() -> StudyScene:
-    """Two sheets with the same waves, a little farther apart at their rims."""
+    """Return two sheets with the same waves, a little farther apart at their rims."""
     return _sheets(
         lambda x, y: 0.1 * np.sin(3.0 * x + y),
         lambda x, y: 0.1 * np.sin(3.0 * x + y) - 0.05 - 0.01 * (x * x + y * y),
@@ -126,4 +126,4 @@ SURFACES: dict[str, Callable[[], StudyScene]] = {
     "sheets/nested": nested,
     "sheets/waves": waves,
 }
-"""The makers of scenes by name; the word before the slash is a family."""
+"""The makers of scenes by name; the word before the slash names a family."""

@@ -1,1 +1,1 @@
-"""What accuracy costs in time: measured into CSV files, then drawn and told from them."""
+"""What accuracy costs in time: measured into CSV files, from which page and figures are made."""

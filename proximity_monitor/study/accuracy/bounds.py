@@ -18,15 +18,15 @@ from .timing import Asker, Query, blocks, summary, take_turns
 from .words import number, table
 
 BOUNDS, CALL = "bounds", "call"
-"""Two questions: whether concentric spheres are as near as half their gap, which compares no
-triangles (as section 4.3.5 has it), and the same of spheres far apart, which is a call alone."""
+"""Two questions. BOUNDS: whether concentric spheres are as near as half their gap, which compares
+no triangles (section 4.3.5 of the paper). CALL: the same of spheres far apart: a call alone."""
 
 _GAP = 0.1
 _BLOCKS, _QUICK = 10, 2
 
 
 def measure(job: Job) -> Rows:
-    """One row for each kind of volume and question."""
+    """Return one row for each kind of volume and question."""
     (track,) = job.scene.tracks
     turns = blocks(len(track.poses_a), job.scene.block, _QUICK if job.quick else _BLOCKS)
     far = track.poses_b.copy()

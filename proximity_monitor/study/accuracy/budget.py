@@ -21,7 +21,7 @@ ORDERS = ("depth_first", "priority", "breadth_first")
 BUDGETS_US = (10, 20, 30, 50, 100, 200, 500, 1000, 2000, 5000, 10_000, 20_000, 50_000, 100_000)
 
 KEPT = 1.25
-"""A budget pays where searches that it cuts take so many times as long at most, in the median."""
+"""A budget pays if the searches that it cuts take at most this multiple of it, in the median."""
 
 _BLOCKS, _QUICK, _LENGTH = 10, 1, 2
 ORDER_WORDS = {
@@ -30,11 +30,11 @@ ORDER_WORDS = {
     "breadth_first": "level by level",
 }
 _FLOOR = 1e-4
-"""Gaps below are drawn here: they are those of searches that have ended."""
+"""Smaller gaps are drawn at this value: they are those of searches that have ended."""
 
 
 def measure(job: Job) -> Rows:
-    """One row for each order and budget; every query starts without a remembered pair.
+    """Return one row for each order and budget; every query starts without a remembered pair.
 
     Raises:
         BrokenCertificateError: bounds that the exact answer contradicts.
@@ -58,7 +58,7 @@ def measure(job: Job) -> Rows:
 def _asker(
     models: dict[str, engine.TriangleMesh], track: Track, order: str, budget_s: float | None
 ) -> Asker:
-    # What a model makes once, on the first search of an order, is not the budget's.
+    # Search once: what a model makes on the first search of an order must not use up the budget.
     engine.Pair(models[track.a], models[track.b]).distance(
         track.poses_a[0], track.poses_b[0], budget_s=0.0, order=order
     )
@@ -79,7 +79,7 @@ def _asker(
 
 
 def _bounds(timed: Timed, exact: Timed) -> dict[str, float]:
-    """Gaps as shares of the exact distance, and the time by the clock that a budget reads."""
+    """Return gaps as shares of the exact distance, and times by the clock that budgets use."""
     true = exact.of("upper")
     gaps = (timed.of("upper") - timed.of("lower")) / true
     used = 1e6 * timed.of("elapsed_s")
@@ -116,7 +116,8 @@ def _draw(rows: Rows) -> Figure:
         log_axis(axes.yaxis)
         axes.annotate("ended: exact", (BUDGETS_US[0], _FLOOR), fontsize=8, va="bottom")
         name_axes(axes, scene, "budget [µs]", "(upper - lower) / distance")
-    # Where every search was cut off, the budget alone decides how long it takes.
+    # Only budgets that cut off every search: there the budget alone decides how long a search
+    # takes.
     cut = only(rows, ended=0.0)
     for order, look in style.items():
         mine = only(cut, order=order)
@@ -165,7 +166,7 @@ def _tell(rows: Rows) -> str:
 
 
 def _why(rows: Rows) -> str:
-    """What the numbers say, in a paragraph."""
+    """Return what the numbers say, in a paragraph."""
     said = []
     for scene in values(rows, "scene"):
         for order in values(rows, "order"):
@@ -198,7 +199,7 @@ def _why(rows: Rows) -> str:
 
 
 def smallest_budgets(rows: Rows) -> list[tuple[str, float, Row]]:
-    """By order the smallest budget, µs, that searches keep; and the row of the smallest of all."""
+    """Return by order the smallest budget that pays, µs, and a row of the smallest that cut all."""
     found = []
     for order in values(rows, "order"):
         cut = [r for r in only(rows, order=order) if r["ended"] == 0.0]
@@ -210,7 +211,7 @@ def smallest_budgets(rows: Rows) -> list[tuple[str, float, Row]]:
 
 
 def _smallest(rows: Rows) -> str:
-    """From which budget on one is kept: what a user can act on."""
+    """Return from which budget on one pays, and what to do with less time."""
     said = [
         f"{number(kept, 1)} µs {ORDER_WORDS[order]} (with a budget of "
         f"{number(least['budget_us'], 1)} µs a search takes "
@@ -230,7 +231,7 @@ def _smallest(rows: Rows) -> str:
 
 
 def _is_kept(rows: Rows) -> bool:
-    """Whether searches take a budget, and not much longer, in every scene."""
+    """Return whether the rows of all scenes keep a budget, in the median, to a factor of KEPT."""
     return all(row["used_median_us"] <= KEPT * row["budget_us"] for row in rows)
 
 

@@ -1,4 +1,4 @@
-"""Every answer is held against the exact one: a certificate that is broken ends the study."""
+"""Check every answer against the exact one; a broken certificate ends the study."""
 
 from __future__ import annotations
 
@@ -15,15 +15,16 @@ class BrokenCertificateError(Exception):
 def check(where: str, answers: Timed, exact: Timed, rel_err: float | None = None) -> None:
     """Raise unless every answer agrees with the exact one to the same question.
 
-    The true distance lies between the bounds of both answers, so they must overlap. An upper bound
-    above (1 + rel_err) times the exact answer's upper bound is above that of the true distance for
-    certain; with no error asked for, the bounds must meet to rounding, which `Status.EXACT` says.
+    The true distance lies between the bounds of both answers, so the two intervals must overlap. If
+    an upper bound exceeds (1 + rel_err) times the exact answer's upper bound, it certainly exceeds
+    (1 + rel_err) times the true distance. If no error is allowed (`rel_err` is 0), the bounds must
+    meet to rounding, which `Status.EXACT` says.
 
     Args:
-        where: what is asked, for the message.
-        answers: what was found.
-        exact: what was found with no error allowed, query by query.
-        rel_err: what was asked for; None: a budget, which promises nothing but bounds that hold.
+        where: names the question, for the message.
+        answers: the answers to check.
+        exact: the answers with no error allowed, query by query.
+        rel_err: the relative error asked for; None: a budget, which promises only that bounds hold.
 
     Raises:
         BrokenCertificateError: naming the first query that breaks its promise.
@@ -47,6 +48,6 @@ def check(where: str, answers: Timed, exact: Timed, rel_err: float | None = None
 
 
 def relative_errors(answers: Timed, exact: Timed, kept: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """(kept,) by which share of the exact distance the upper bounds are too large."""
+    """Return (n,) errors of the upper bounds of kept queries, as shares of the exact distance."""
     true = exact.of("upper")[kept]
     return np.maximum(answers.of("upper")[kept] - true, 0.0) / true

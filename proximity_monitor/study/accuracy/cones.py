@@ -1,8 +1,9 @@
 """What normal cones prune: spheres, with and without them, and separating directions.
 
-Thomas, Turnbull, Ros and Cameron 2000, section 6: nearest points of two smooth surfaces
-have opposite normals, along the way between them. So a pair of cells is pruned where the cones
-around the normals of both, and around all ways from the one to the other, allow none.
+Thomas, Turnbull, Ros and Cameron 2000, section 6: at the nearest points of two smooth surfaces the
+normals are opposite, and lie along the line between the points. So a pair of cells is pruned if no
+such points are possible within three cones: the normals of each cell, and all directions from one
+cell to the other.
 """
 
 from __future__ import annotations
@@ -18,10 +19,11 @@ from .words import folded, number, percent, table
 METHODS = ("spheres", "spheres and cones", "directions", "directions and cones")
 _LEVELS, _QUICK = 7, 3
 _MOST = 400_000
-"""Pairs of a level; a method that leaves more is not measured further."""
+"""Pairs of a level at most; a method that leaves more is not measured further."""
 
 _SLACK = 1e-3
-"""Share of the distance by which a pair may be farther and is kept, as a search to 0.1 % does."""
+"""A pair is kept unless its bound exceeds the distance by this share, as if the search knew an
+upper bound that is 0.1 % too large."""
 
 Reals = NDArray[np.float64]
 
@@ -42,7 +44,8 @@ class Cells:
         normal = np.cross(along_u, along_v)
         sine, cosine = _length(normal), abs((along_u * along_v).sum(axis=-1))
         self.normal = normal / np.maximum(sine, 1e-300)[:, None]
-        # The formula of the paper, for cones that are disjoint: the scan says it the wrong way.
+        # The paper's formula. It holds for disjoint cones; the scanned paper has the condition
+        # reversed.
         a, b = np.sin(wide_u), np.sin(wide_v)
         share = np.sqrt(a * a + 2.0 * a * b * cosine + b * b) / np.maximum(sine, 1e-300)
         holds = (np.arccos(np.clip(cosine, 0.0, 1.0)) > wide_u + wide_v) & (share < 1.0)
@@ -54,7 +57,7 @@ def _length(vectors: Reals) -> Reals:
 
 
 def _cone(edges: Reals) -> tuple[Reals, Reals]:
-    """Axes (k, 3) and half angles (k,) of cones around edges of control nets."""
+    """Return axes (k, 3) and half angles (k,) of cones around the edges of control nets."""
     edges = edges.reshape(len(edges), -1, 3)
     edges = edges / np.maximum(_length(edges), 1e-300)[..., None]
     axis = edges.mean(axis=1)
@@ -63,12 +66,12 @@ def _cone(edges: Reals) -> tuple[Reals, Reals]:
 
 
 def _angle(a: Reals, b: Reals) -> Reals:
-    """Angles between lines: which side of a sheet is outside is not told."""
+    """Return angles between lines, not vectors: neither side of a sheet counts as its outside."""
     return np.arccos(np.clip(abs((a * b).sum(axis=-1)), 0.0, 1.0))
 
 
 def quarters(nets: Reals) -> Reals:
-    """Both halves along u and along v of each net, those of one net together."""
+    """Halve each net along u and along v; return the quarters (4 k, ...), each net's together."""
     for axis in (1, 2):
         points, low, high = np.moveaxis(nets, axis, 1), [], []
         for _ in range(4):
@@ -81,7 +84,7 @@ def quarters(nets: Reals) -> Reals:
 
 
 def pruned(a: Cells, b: Cells, pairs: NDArray[np.int64], method: str, distance: float) -> NDArray:
-    """Which pairs (k, 2) of cells a method shows not to hold the nearest points."""
+    """Return which pairs (k, 2) of cells a method proves not to hold the nearest points."""
     i, j = pairs.T
     way = b.centre[j] - a.centre[i]
     apart, radii = _length(way), a.radius[i] + b.radius[j]
@@ -105,7 +108,7 @@ def pruned(a: Cells, b: Cells, pairs: NDArray[np.int64], method: str, distance: 
 
 
 def measure(job: Job) -> Rows:
-    """One row for each method and level of division."""
+    """Return one row for each method and level of division."""
     models = job.models()
     distance = engine.distance(models["a"], np.eye(4), models["b"], np.eye(4)).upper
     nets = [np.array([net.control for net in models[name].nets]) for name in ("a", "b")]

@@ -1,4 +1,4 @@
-"""The study's data: a CSV file for each part, and one that says how each was measured."""
+"""The study's data: a CSV file for each part, and one that records how each was measured."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import proximity_monitor
 from .part import Row, Rows
 
 RUNS = "runs"
-"""The file that says how each part was measured."""
+"""Name of the file that records how each part was measured."""
 
 
 def write_rows(path: Path, rows: Rows) -> None:
@@ -29,7 +29,7 @@ def write_rows(path: Path, rows: Rows) -> None:
 
 
 def read_rows(path: Path) -> Rows:
-    """The rows of a file, numbers as numbers; none if there is no such file."""
+    """Return the rows of a file, numbers as numbers; none if there is no such file."""
     if not path.is_file():
         return []
     with path.open(newline="", encoding="utf-8") as file:
@@ -46,7 +46,7 @@ def _value(text: str) -> str | int | float:
 
 
 def note_run(folder: Path, part: str, command: str, quick: bool) -> None:
-    """Note how a part was measured: the command, the machine and the versions."""
+    """Record how a part was measured: the command, the machine and the versions."""
     row: Row = {"part": part, "command": command, "quick": int(quick), **_machine()}
     path = folder / f"{RUNS}.csv"
     others = [each for each in read_rows(path) if each["part"] != part]

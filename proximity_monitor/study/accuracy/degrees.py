@@ -25,7 +25,7 @@ _BLOCKS, _QUICK = 6, 1
 
 
 def measure(job: Job) -> Rows:
-    """One row for each question and degree; nothing is known beforehand.
+    """Return one row for each question and degree; no query knows anything beforehand.
 
     Raises:
         BrokenCertificateError: an answer whose bounds do not meet.
@@ -59,7 +59,7 @@ def _asker(models: dict[str, engine.Model], track: Track) -> Asker:
 
 
 def _lines(rows: Rows) -> dict[str, Rows]:
-    """The rows of each line of a figure, by degree."""
+    """Return the rows of each line of a figure, in the order of the degrees."""
     return {
         f"{question}, {net}": only(rows, question=question, net=net)
         for question in values(rows, "question")
@@ -68,7 +68,7 @@ def _lines(rows: Rows) -> dict[str, Rows]:
 
 
 def _of_cubic(rows: Rows, key: str) -> list[float]:
-    """A column as multiples of what it is at degree 3."""
+    """Return a column as multiples of its value at degree 3."""
     (cubic,) = only(rows, degree=CUBIC)
     return [row[key] / cubic[key] for row in rows]
 
@@ -123,7 +123,7 @@ def _tell(rows: Rows) -> str:
 
 
 def _why(rows: Rows) -> str:
-    """What the numbers say, beside the paper's."""
+    """Return what the numbers say, beside the paper's."""
     said = []
     for name, mine in _lines(rows).items():
         last, times = mine[-1], _of_cubic(mine, "median_us")

@@ -1,4 +1,4 @@
-"""What the study comes to: five findings to choose a tolerance, an order and a budget by."""
+"""The study's conclusions: five findings by which to choose a tolerance, an order and a budget."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from .part import Rows, only, values
 from .words import asked, listed, number, percent
 
 _WORTH = 0.1
-"""Share of an exact query's mean time that a tolerance has to save to be worth its error."""
+"""A tolerance is worth its error if it saves this share of an exact query's mean time."""
 _LOOK_US = 1000
-"""A budget, µs, at which the orders are compared: a tick of a kilohertz."""
+"""Budget, µs, at which the orders are compared: a tick at 1 kHz."""
 _MOST = 0.5
-"""Share of searches that such a budget may leave time to end."""
+"""Orders are compared only if fewer than this share of the searches end within the budget."""
 
 
 def findings(data: Mapping[str, Rows]) -> str:
-    """A list in Markdown, the findings for which there are data.
+    """Return the findings for which there are data, as a list in Markdown.
 
     Args:
         data: rows by the names of parts.
@@ -40,7 +40,7 @@ def findings(data: Mapping[str, Rows]) -> str:
 
 
 def _first_tolerance(rows: Rows) -> str:
-    """The smallest error that is worth asking for, in each scene."""
+    """Return the smallest error that is worth asking for, in each scene."""
     said = []
     for scene in values(rows, "scene"):
         mine = only(rows, scene=scene)
@@ -60,7 +60,7 @@ def _first_tolerance(rows: Rows) -> str:
 
 
 def _tenth(rows: Rows) -> str:
-    """What 10 % saves, and what it costs."""
+    """Return what a relative error of 10 % saves, and what it costs."""
     said = []
     for scene in values(rows, "scene"):
         mine = only(rows, scene=scene)
@@ -77,7 +77,7 @@ def _tenth(rows: Rows) -> str:
 
 
 def _memory(rows: Rows) -> str:
-    """What a pair that is kept saves along a path; empty if no path was measured."""
+    """Return what a pair that is kept saves along a path; empty if no path was measured."""
     mine = only(rows, order="depth_first", sequence="verification")
     if not mine:
         return ""
@@ -90,7 +90,7 @@ def _memory(rows: Rows) -> str:
 
 
 def _budget(rows: Rows) -> str:
-    """The smallest budgets that pay, and which order tells most when it is cut."""
+    """Return the smallest budgets that pay, and which order has the narrowest bounds when cut."""
     least = [f"{number(us, 1)} µs {ORDER_WORDS[order]}" for order, us, _ in smallest_budgets(rows)]
     cut = only(rows, budget_us=_LOOK_US)
     gaps = []
@@ -117,7 +117,7 @@ def _budget(rows: Rows) -> str:
 
 
 def _size(rows: Rows) -> str:
-    """How time grows with the models."""
+    """Return how time grows with the size of the models."""
     known = [row for row in rows if row["memory"] == "cached"] or rows
     sizes = values(known, "triangles")
     first, last = (only(known, triangles=size)[0] for size in (min(sizes), max(sizes)))

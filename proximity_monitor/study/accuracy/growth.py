@@ -25,7 +25,7 @@ _BLOCKS, _QUICK = 8, 2
 
 
 def measure(job: Job) -> Rows:
-    """One row for each size, with and without the last query's nearest triangles."""
+    """Return one row for each size, with and without the last query's nearest triangles."""
     models = job.models()
     tracks = {track.a: track for track in job.scene.tracks}
     steps = len(next(iter(tracks.values())).poses_a)
@@ -56,7 +56,7 @@ def _asker(model: engine.TriangleMesh, track: Track, memory: str) -> Asker:
 
 
 def _line(rows: Rows, key: str) -> tuple[float, float, float]:
-    """Fitted value a doubling and at one triangle, and the share of the variance explained."""
+    """Fit a line over log2(triangles); return its slope, start, and share of variance explained."""
     doublings = np.log2([row["triangles"] for row in rows])
     found = np.array([row[key] for row in rows], float)
     slope, start = np.polyfit(doublings, found, 1)
@@ -131,7 +131,7 @@ def _tell(rows: Rows) -> str:
 
 
 def _levels(rows: Rows) -> str:
-    """What another level of the hierarchy adds."""
+    """Return what another level of the hierarchy adds."""
     added: dict[bool, list[float]] = {True: [], False: []}
     for before, after in pairwise(rows):
         levels = [math.ceil(math.log(row["triangles"], WIDTH)) for row in (before, after)]

@@ -20,16 +20,16 @@ from .words import folded, number, percent, table
 
 _BLOCKS, _QUICK = 3, 1
 _MOST = 400
-"""Iterations of a query, at the most."""
+"""Iterations of a query, at most."""
 _SHARE = 0.5
-"""What is said of an iteration is said of so many of the queries at least."""
+"""An iteration is shown, and bounds are called exact, for at least this share of the queries."""
 _ROUNDING = 1e-9
-"""Share of the distance by which the end, which allows for rounding in another way, may know less
-than the iteration before it."""
+"""Share of the distance by which a lower bound may fall below the one before: the end of a search
+allows for rounding in another way."""
 _TOLD = (1, 2, 3, 5, 10, 20, 50, 100, 200)
 """Iterations that the page lists, beside the last."""
 _FLOOR = 1e-12
-"""Errors below are drawn here: they are those of searches that have ended."""
+"""Smaller errors are drawn at this value: they are those of searches that have ended."""
 
 
 @dataclass
@@ -43,10 +43,10 @@ class Course:
 
 
 def measure(job: Job) -> Rows:
-    """One row for each iteration that half the queries reach.
+    """Return one row for each iteration that half the queries reach.
 
-    An iteration is what a call does whose budget is over at once: the next call about the same
-    pair at the same poses goes on there.
+    An iteration is the work of a call whose budget ends at once. The next call about the same pair
+    at the same poses continues from there.
 
     Raises:
         BrokenCertificateError: bounds that the end of the search contradicts, or that come apart.
@@ -55,7 +55,7 @@ def measure(job: Job) -> Rows:
     turns = blocks(len(track.poses_a), job.scene.block, _QUICK if job.quick else _BLOCKS)
     courses = []
     for turn in turns:
-        _course(models, track, turn[0])  # what is made once is no iteration's
+        _course(models, track, turn[0])  # not counted: it does the work that is done once
         courses += [_course(models, track, i) for i in turn]
         job.advance(1.0 / len(turns))
     for i, course in enumerate(courses):
@@ -80,7 +80,7 @@ def _course(models: dict[str, engine.Model], track: Track, step: int) -> Course:
 
 
 def check(where: str, course: Course) -> None:
-    """Raise unless every iteration's bounds hold the distance, and none is weaker than before."""
+    """Raise unless every iteration's bounds hold, and none is weaker than the one before."""
     for lower, upper in zip(course.lower, course.upper, strict=True):
         if not (lower <= course.upper[-1] and course.lower[-1] <= upper):
             raise BrokenCertificateError(
@@ -96,7 +96,7 @@ def check(where: str, course: Course) -> None:
 
 
 def _row(courses: list[Course], k: int) -> dict[str, float]:
-    """Medians after an iteration; a query that has ended stays as it ended."""
+    """Return medians after an iteration; a query that has ended keeps its last bounds."""
     true = np.array([course.upper[-1] for course in courses])
     lower, upper = (
         np.array([getattr(course, name)[: k + 1][-1] for course in courses])
@@ -144,7 +144,7 @@ def _draw(rows: Rows) -> Figure:
 
 
 def _times(rows: Rows) -> list[float]:
-    """Time that all iterations but the first, which begins the search, took up to each."""
+    """Return cumulative times, in median iterations, without the first, which begins the search."""
     each = [row["iteration_us"] for row in rows[1:]]
     return list(np.cumsum(each) / np.median(each))
 
@@ -181,7 +181,7 @@ def _tell(rows: Rows) -> str:
 
 
 def _why(rows: Rows) -> str:
-    """What the numbers say, beside the paper's."""
+    """Return what the numbers say, beside the paper's."""
     said = []
     for scene in values(rows, "scene"):
         mine = only(rows, scene=scene)
@@ -208,7 +208,7 @@ def _why(rows: Rows) -> str:
 
 
 def _fall(rows: Rows) -> str:
-    """How the gap falls from the second iteration on."""
+    """Return how the gap falls from the second iteration on."""
     for row in rows[2:]:
         if row["gap_median"] < 0.5 * rows[1]["gap_median"]:
             return f"which is first halved in iteration {row['iteration']}"

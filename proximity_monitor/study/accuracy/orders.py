@@ -29,7 +29,7 @@ _QUICK = 3
 
 
 def measure(job: Job) -> Rows:
-    """One row for each search.
+    """Return one row for each search.
 
     Raises:
         BrokenCertificateError: two searches whose answers contradict each other.
@@ -59,7 +59,7 @@ def _asker(models: dict[str, engine.TriangleMesh], track: Track, order: str, mem
             pair = engine.Pair(a, b) if memory == "none" else kept
             poses = track.poses_a[i], track.poses_b[i]
             if (order, memory) == _IDEAL:
-                # As Pair.ideal does, but the first of the two searches is not timed.
+                # The same as Pair.ideal, but the first of its two searches is not timed.
                 pair, order_now = engine.Pair(a, b, coherent=False), "depth_first"
                 pair.distance(*poses)
             else:
@@ -146,7 +146,7 @@ def _tell(rows: Rows) -> str:
 
 
 def _why(rows: Rows) -> str:
-    """Where we differ from the paper and why, in a paragraph."""
+    """Return a paragraph on where we differ from the paper, and why."""
     said = []
     for sequence in values(rows, "sequence"):
         tests = {

@@ -1,4 +1,4 @@
-"""The page and its figures, from the data alone."""
+"""Write the page and its figures from the data alone."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ whether or not all its lanes are filled.
 
 
 def render(out: Path, parts: tuple[Part, ...]) -> Path:
-    """Write the page and the figures of all parts that have data; returns the page's path.
+    """Write the page and the figures of all parts that have data; return the page's path.
 
     Args:
         out: the folder; the data lies in its folder `accuracy`.
@@ -60,7 +60,7 @@ def _section(out: Path, part: Part, rows: Rows) -> str:
     images = out / "images"
     images.mkdir(parents=True, exist_ok=True)
     for name, draw in part.draw.items():
-        if f"{{{name}}}" not in told:  # of what it shows nothing was measured
+        if f"{{{name}}}" not in told:  # its data was not measured
             continue
         file = images / f"accuracy_{name}.png"
         # Without the library's version, so that the same data gives the same file.
@@ -70,7 +70,7 @@ def _section(out: Path, part: Part, rows: Rows) -> str:
 
 
 def _conditions(runs: Rows) -> str:
-    """How the parts were measured: once, if all were measured alike."""
+    """Return how the parts were measured: in one sentence if all were measured alike."""
     said: dict[str, list[str]] = {}
     for run in runs:
         versions = ", ".join(str(run[k]) for k in ("python", "numpy", "numba", "package"))

@@ -1,7 +1,7 @@
-"""What the papers give in numbers, to stand beside ours.
+"""Numbers that the papers give, to stand beside ours.
 
-All but the last are of the 1999 paper (Larsen, Gottschalk, Lin and Manocha): numbers of tests are
-totals of a whole benchmark, times are means of one query.
+All but the last are of the 1999 paper (Larsen, Gottschalk, Lin and Manocha): its test counts are
+totals of a whole benchmark, its times are means of one query.
 """
 
 from __future__ import annotations
@@ -9,12 +9,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 VOLUMES = ("pss", "aabb", "obb", "lss", "rss", "hybrid")
-"""The bounding volumes in the order of its tables; it calls the first "Sphere"."""
+"""The bounding volumes in the order of the paper's tables, which call the first one "Sphere"."""
 
 
 @dataclass(frozen=True)
 class Cost:
-    """A cell of its tables: tests in all, and milliseconds a query."""
+    """A cell of the paper's tables: tests in all, and milliseconds a query."""
 
     bound_tests: float
     primitive_tests: float
@@ -23,13 +23,13 @@ class Cost:
 
 @dataclass(frozen=True)
 class Application:
-    """One of its four benchmarks.
+    """One of the paper's four benchmarks.
 
     Attributes:
-        name: as its tables head it.
-        scenes: ours; the first that is there is taken.
-        differs: how ours differs from its.
-        queries: how many there were, where it says so.
+        name: as in the paper's tables.
+        scenes: our scenes; the first one that is available is taken.
+        differs: how our scene differs from the paper's.
+        queries: how many queries there were, if the paper says so.
     """
 
     name: str
@@ -64,9 +64,9 @@ APPLICATIONS = (
 )
 
 QUESTIONS = {"collide": "Table 2", "exact": "Table 3", "10 %": "Table 4"}
-"""What was asked, and where the paper has it."""
+"""Questions, and the table of the paper that has each."""
 
-# Tests in millions and milliseconds, application by application.
+# For each application: bound tests and triangle tests in millions, and milliseconds a query.
 _TABLES = {
     "collide": """
         4.92 1.44  173.92   6.15 0.70  7.2947   70.5  30.9   449.06    23.1  8.68  119.43
@@ -93,7 +93,7 @@ _TABLES = {
 
 
 def volume_cost(question: str, application: str, volume: str) -> Cost:
-    """A cell of Tables 2 to 4."""
+    """Return a cell of Tables 2 to 4."""
     cells = _TABLES[question].split()
     column = [each.name for each in APPLICATIONS].index(application)
     at = 12 * VOLUMES.index(volume) + 3 * column
@@ -124,8 +124,8 @@ SEQUENCES = {"computation": ("cave/random", 2880), "verification": ("cave/path",
 
 PQP = {"exact": (3.005e6 / 2398, 0.0932e6 / 2398), "10 %": (2.269e6 / 2398, 0.0302e6 / 2398)}
 """Bound and triangle tests a query that PQP 1.3, the authors' program, makes on the falling tori
-with triangle caching: not the paper's, but said in the description of that data."""
+with triangle caching. They are not from the paper, but from the description of that data."""
 
 CLOSEST_POINT_HZ, SURFACES_HZ = (10, 50), (2, 20)
-"""Of the 1997 paper (Johnson and Cohen), section 3.1.2: how often a second it finds the point of a
-surface that is closest to a point, to 1e-6 of the parameters; and the distance of two surfaces."""
+"""From the 1997 paper (Johnson and Cohen), section 3.1.2: queries a second for the point of a
+surface closest to a point, to 1e-6 of the parameters; and for the distance of two surfaces."""

@@ -1,4 +1,4 @@
-"""A part of the study: what it measures of which scenes, and how its data is drawn and told."""
+"""A part of the study: what it measures on which scenes, and how its data is drawn and told."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ class Job:
 
     Attributes:
         name: the scene's name.
-        scene: what to ask about.
-        quick: whether few blocks of steps shall do.
-        advance: is told which share of the job was done.
+        scene: the models and poses to ask about.
+        quick: whether few blocks of steps are enough.
+        advance: called with the share of the job that was just done.
     """
 
     name: str
@@ -32,7 +32,7 @@ class Job:
     advance: Callable[[float], None]
 
     def models(self, **settings: str) -> dict[str, engine.Model]:
-        """The scene's models; `settings` go to TriangleMesh."""
+        """Return the scene's models; `settings` go to TriangleMesh."""
         meshes = {
             name: engine.TriangleMesh(*mesh, name=name, **settings)
             for name, mesh in self.scene.meshes.items()
@@ -47,10 +47,10 @@ class Part:
     Attributes:
         name: on the command line, and of its files.
         title: on the page.
-        measure: of a job, to rows of data.
-        tell: of all rows, to Markdown; where a figure shall stand, it says `{name}`.
-        draw: of all rows, to figures by name.
-        scenes: names of scenes; of several in one entry the first that is there is taken.
+        measure: turns a job into rows of data.
+        tell: turns all rows into Markdown, with `{name}` in the place of a figure.
+        draw: by the name of a figure, turns all rows into it.
+        scenes: names of scenes; if an entry has several, the first that is available is taken.
     """
 
     name: str
@@ -62,10 +62,10 @@ class Part:
 
 
 def only(rows: Rows, **wanted: str | float) -> Rows:
-    """The rows with these values."""
+    """Return the rows with these values."""
     return [row for row in rows if all(row[key] == value for key, value in wanted.items())]
 
 
 def values(rows: Rows, key: str) -> list:
-    """The different values of a column, in the order in which they come."""
+    """Return the different values of a column, in the order in which they first occur."""
     return list(dict.fromkeys(row[key] for row in rows))

@@ -1,4 +1,4 @@
-"""The study from beginning to end: measure part by part, write, draw and tell."""
+"""The study from beginning to end: measure part by part, then write, draw and tell."""
 
 from __future__ import annotations
 
@@ -43,14 +43,14 @@ PARTS = (
     cones.PART,
 )
 INTERRUPTED = 130
-"""The exit code that shells know for Ctrl-C."""
+"""The exit code by which shells know Ctrl-C."""
 
 Makers = Mapping[str, Callable[[], StudyScene]]
 Plan = list[tuple[Part, list[str]]]
 
 
 def scenes(data: Path | None) -> dict[str, Callable[[], StudyScene]]:
-    """What makes each scene that is there; a scene that was made is kept.
+    """Return a maker of each scene that is available; it keeps the scene that it made.
 
     Raises:
         FileNotFoundError: `data`, or the environment, names a folder without recorded data.
@@ -63,15 +63,15 @@ def scenes(data: Path | None) -> dict[str, Callable[[], StudyScene]]:
 
 
 def plan(makers: Makers, parts: Sequence[str], wanted: Sequence[str]) -> Plan:
-    """Which scenes are measured for which parts.
+    """Return which scenes are measured for which parts.
 
     Args:
-        makers: the scenes that are there.
+        makers: the scenes that are available.
         parts: names of parts; none: all.
-        wanted: names of scenes or families, the part before the slash; none: all.
+        wanted: names of scenes or families, the word before the slash; none: all.
 
     Raises:
-        ValueError: a scene that no chosen part has; the message names those that there are.
+        ValueError: a scene that no chosen part has; the message names the scenes that they have.
     """
     chosen: Plan = []
     offered: list[str] = []
@@ -95,16 +95,16 @@ def plan(makers: Makers, parts: Sequence[str], wanted: Sequence[str]) -> Plan:
 
 
 def _asked(name: str, wanted: Sequence[str]) -> bool:
-    """Whether a scene is wanted, by its name or its family's; none wanted: all are."""
+    """Return whether a scene is wanted by its name or its family's; if none is wanted, all are."""
     return not wanted or name in wanted or name.partition("/")[0] in wanted
 
 
 def run(chosen: Plan, makers: Makers, out: Path, quick: bool, command: str) -> int:
-    """Measure, write the data as soon as a scene is done, and render; returns the exit code.
+    """Measure, write the data after each scene, and render; return the exit code.
 
-    0, 1 where an answer broke its certificate, 2 where a folder is of no use, or INTERRUPTED by
-    Ctrl-C: then what was measured so far is written and told. The data of a part replace older ones
-    when its first scene is done.
+    The exit code is 0; 1 if an answer broke its certificate; 2 if the recorded data cannot be read;
+    or INTERRUPTED after Ctrl-C, which keeps and renders what was measured so far. A part's new data
+    replaces its old data as soon as its first scene is done.
     """
     console = Console(stderr=True)
     columns = (
@@ -133,7 +133,7 @@ def run(chosen: Plan, makers: Makers, out: Path, quick: bool, command: str) -> i
         print(f"--data or {VARIABLE}: {error}", file=sys.stderr)
         return 2
     except (KeyboardInterrupt, SystemError) as error:
-        # In compiled code Ctrl-C comes up as a SystemError that it caused.
+        # Ctrl-C in compiled code arrives as a SystemError whose cause is the KeyboardInterrupt.
         if KeyboardInterrupt not in (type(error), type(error.__cause__)):
             raise
         print("Interrupted: what was measured so far is kept.", file=sys.stderr)

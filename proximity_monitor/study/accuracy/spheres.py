@@ -1,4 +1,4 @@
-"""Figures 5 and 6 of the 1999 paper: spheres apart, and spheres within each other."""
+"""Figures 5 and 6 of the 1999 paper: spheres side by side, and one sphere inside another."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from .words import folded, number, table
 
 
 def _measure(job: Job, rel_err: float, full: int, quick: int) -> Rows:
-    """One row for each kind of volume.
+    """Return one row for each kind of volume.
 
     Raises:
         BrokenCertificateError: two kinds of volume whose answers contradict each other.
@@ -31,7 +31,7 @@ def _measure(job: Job, rel_err: float, full: int, quick: int) -> Rows:
     found = take_turns(askers, turns, job.advance)
     rows = []
     for volume, timed in found.items():
-        # All allow the same error, so they contradict each other where their bounds do not meet.
+        # All allow the same error, so two contradict each other if their intervals do not overlap.
         check(f"{job.name}, {volume}", timed, found["rss"])
         row = {"scene": job.name, "gap": float(job.name.partition("/")[2]), "volume": volume}
         rows.append(row | summary(timed))
@@ -83,7 +83,7 @@ def _table(rows: Rows) -> str:
 
 
 def _growth(rows: Rows, volume: str, key: str) -> float:
-    """How many times as much the largest gap takes as the smallest."""
+    """Return how many times as much the largest gap takes as the smallest."""
     mine = sorted(only(rows, volume=volume), key=lambda row: row["gap"])
     return float(mine[-1][key] / mine[0][key])
 

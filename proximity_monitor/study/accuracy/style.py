@@ -1,4 +1,4 @@
-"""How figures look: colours that are told apart without seeing colour well, shapes besides."""
+"""The look of figures: colours that colour-blind readers can tell apart, and marker shapes."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ DPI = 100
 
 
 def figure(columns: int, rows: int, width: float, height: float, **sharing: bool) -> Figure:
-    """An empty figure of so many axes; width and height in inches."""
+    """Return an empty figure with a grid of axes; width and height in inches."""
     fig = Figure(figsize=(width, height), layout="constrained")
     fig.subplots(rows, columns, squeeze=False, **sharing)
     for axes in fig.axes:
@@ -29,7 +29,7 @@ def figure(columns: int, rows: int, width: float, height: float, **sharing: bool
 
 
 def log_axis(axis: Axis) -> None:
-    """A logarithmic scale with plain numbers: also 2 and 5 where it spans few decades."""
+    """Set a logarithmic scale with plain numbers; it also marks 2 and 5 if it spans few decades."""
     axis.axes.set(**{f"{axis.axis_name}scale": "log"})
     low, high = axis.get_view_interval()
     few = high < 300.0 * low
@@ -41,7 +41,7 @@ def log_axis(axis: Axis) -> None:
 
 
 def looks(names: Iterable[str]) -> dict[str, dict[str, str]]:
-    """Colour and marker for each name, as arguments of `plot`."""
+    """Return colour and marker for each name, as arguments of `plot`."""
     pairs = cycle(zip(PALETTE, MARKERS, strict=True))
     return {
         name: {"color": colour, "marker": marker}
@@ -50,7 +50,7 @@ def looks(names: Iterable[str]) -> dict[str, dict[str, str]]:
 
 
 def name_axes(axes: Axes, title: str, x: str, y: str) -> None:
-    """Title and labels, in sizes that can be read on a page."""
+    """Set title and labels, in sizes that can be read on a page."""
     axes.set_title(title, fontsize=10, loc="left")
     axes.set_xlabel(x, fontsize=9)
     axes.set_ylabel(y, fontsize=9)

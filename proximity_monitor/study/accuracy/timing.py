@@ -1,4 +1,4 @@
-"""Questions timed side by side: what is compared takes turns, block by block of steps."""
+"""Time questions side by side: the askers take turns, block by block of steps."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 Query = Callable[[], Any]
 Asker = Callable[[Sequence[int]], list[Query]]
-"""Of the steps of a block, the queries; what it does itself is not timed."""
+"""Returns the queries of a block of steps; to make them is not timed."""
 
 Key = TypeVar("Key", bound=Hashable)
 
@@ -26,12 +26,12 @@ class Timed:
     answers: list[Any] = field(default_factory=list)
 
     def of(self, name: str) -> NDArray[Any]:
-        """An attribute of all answers, (queries, ...)."""
+        """Return an attribute of all answers, (queries, ...)."""
         return np.array([getattr(answer, name) for answer in self.answers])
 
 
 def blocks(steps: int, length: int, count: int) -> list[range]:
-    """At most `count` blocks of `length` successive steps, spread evenly over all `steps`."""
+    """Return at most `count` blocks of `length` steps, spread evenly over all `steps`."""
     starts = np.arange(0, steps, length)
     chosen = np.linspace(0, len(starts) - 1, min(count, len(starts))).round().astype(int)
     return [range(start, min(start + length, steps)) for start in starts[chosen]]
@@ -40,17 +40,17 @@ def blocks(steps: int, length: int, count: int) -> list[range]:
 def take_turns(
     askers: Mapping[Key, Asker], turns: Sequence[Sequence[int]], advance: Callable[[float], None]
 ) -> dict[Key, Timed]:
-    """Ask everything, block by block, and each block begins with another asker.
+    """Ask everything block by block; each block begins with another asker.
 
-    So a machine that is disturbed is so for all of them. What an asker leaves in the processor's
-    caches would be felt by the next one; so each begins a block with its last question before,
-    which is not timed, and changes nothing that it remembers. Processor time of this thread is
-    taken, which other programs do not lengthen.
+    So a disturbance of the machine affects all askers. The data that an asker leaves in the
+    processor's caches would affect the next one. Therefore each asker begins a block by repeating
+    the last question of the block before, untimed; that changes nothing that its pair remembers.
+    Times are processor time of this thread, which other programs do not lengthen.
 
     Args:
-        askers: who asks what, by what the result shall be called.
+        askers: by the key that their result gets.
         turns: the steps of each block.
-        advance: is told after each block which share of the work it was.
+        advance: called after each block with the block's share of the work.
     """
     for ask in askers.values():  # compiles, and brings the models into memory
         _warm(ask, turns[-1])
@@ -84,7 +84,7 @@ def _time(queries: list[Query], into: Timed) -> None:
 
 
 def summary(timed: Timed, kept: NDArray[np.bool_] | None = None) -> dict[str, float]:
-    """Columns that every part has: times in microseconds, mean numbers of tests.
+    """Return the columns that every part has: times in microseconds, mean numbers of tests.
 
     Args:
         timed: the queries.

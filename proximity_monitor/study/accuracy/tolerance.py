@@ -20,11 +20,11 @@ ASKED = (0.0, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0)
 
 _BLOCKS, _QUICK = 45, 3
 _FLOOR = 1e-16
-"""What a figure shows instead of no error at all: the rounding of a double."""
+"""A figure shows an error of 0 as this: the rounding of a double."""
 
 
 def measure(job: Job) -> Rows:
-    """One row for each relative error; poses at which the bodies touch have none and are left out.
+    """Return one row for each relative error; leave out poses at which the bodies touch.
 
     Raises:
         BrokenCertificateError: an answer errs by more than was asked for.
@@ -107,7 +107,7 @@ def _tell(rows: Rows) -> str:
 
 
 def _worst(rows: Rows) -> float:
-    """The largest error made, as a share of what was asked for."""
+    """Return the largest error made, as a share of the error asked for."""
     return max(float(row["error_max"]) / float(row["rel_err"]) for row in rows if row["rel_err"])
 
 
@@ -126,7 +126,7 @@ def _error(error: float) -> str:
 
 
 def _why(rows: Rows) -> str:
-    """What the numbers say, in a paragraph."""
+    """Return what the numbers say, in a paragraph."""
     said = []
     for scene in values(rows, "scene"):
         mine = only(rows, scene=scene)

@@ -22,13 +22,13 @@ _BLOCKS = {
     "cave/random": (6, 1, 64),
     "chain": (6, 1, 8),
 }
-"""How many blocks of steps, how many in a quick run, and how long they are."""
+"""How many blocks of steps, how many in a quick run, and how many steps each block has."""
 _FEW = 16
-"""Steps of a block in a quick run."""
+"""Steps of a block in a quick run, at most."""
 
 
 def measure(job: Job) -> Rows:
-    """One row for each question and kind of volume.
+    """Return one row for each question and kind of volume.
 
     Raises:
         BrokenCertificateError: two kinds of volume whose answers contradict each other.
@@ -53,7 +53,7 @@ def measure(job: Job) -> Rows:
 
 
 def _asker(job: Job, models: dict[str, engine.TriangleMesh], question: str) -> Asker:
-    """Asks every pair at every step; each pair remembers its last answer."""
+    """Return an asker about every pair at every step; each pair remembers its last answer."""
     tracks = job.scene.tracks
     pairs = [(track, engine.Pair(models[track.a], models[track.b])) for track in tracks]
 

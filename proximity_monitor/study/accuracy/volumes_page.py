@@ -1,4 +1,4 @@
-"""Tables 2 to 4 of the 1999 paper drawn and told, its numbers beside ours."""
+"""Tables 2 to 4 of the 1999 paper, drawn and told: its numbers beside ours."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from .words import folded, listed, number, table
 
 
 def _applications(rows: Rows) -> list[tuple[Application, str]]:
-    """The applications that were measured, and the scenes that stand for them."""
+    """Return the applications that were measured, each with the scene that stands for it."""
     scenes = values(rows, "scene")
     return [(a, name) for a in APPLICATIONS for name in scenes if name in a.scenes]
 
@@ -33,13 +33,13 @@ def _row(rows: Rows, scene: str, question: str, volume: str) -> Row:
 
 
 def _ours(rows: Rows, scene: str, question: str, key: str) -> list[float]:
-    """A column for all kinds of volume, as multiples of that of rectangle swept spheres."""
+    """Return a column for all kinds of volume, as multiples of that of rectangle swept spheres."""
     base = float(_row(rows, scene, question, "rss")[key])
     return [float(_row(rows, scene, question, v)[key]) / base for v in VOLUMES]
 
 
 def _theirs(application: str, question: str, key: str) -> list[float]:
-    """The same of the paper."""
+    """Return the same column of the paper, as multiples of its rectangle swept spheres."""
     key = {"mean_us": "mean_ms"}.get(key, key)
     base = getattr(volume_cost(question, application, "rss"), key)
     return [getattr(volume_cost(question, application, v), key) / base for v in VOLUMES]
@@ -138,7 +138,7 @@ def _fastest(costs: list[float]) -> str:
 
 
 def _why(rows: Rows, applications: list[tuple[Application, str]]) -> str:
-    """Where we differ from the paper and why, in a paragraph."""
+    """Return a paragraph on where we differ from the paper, and why."""
     said = []
     for question, where in QUESTIONS.items():
         same, other = [], []
@@ -183,7 +183,7 @@ def _multiples(of: dict[str, float]) -> str:
 
 
 def _beside_pqp(rows: Rows) -> str:
-    """The authors' own program on the same data: how much of the difference is the tree's width."""
+    """Compare with the authors' program on its data: how much of the difference is tree width."""
     headings = ["falling-tori, rss", "bound tests", "openings", "triangle tests"]
     lines = []
     for question, (bound, primitive) in PQP.items():

@@ -1,4 +1,4 @@
-"""Numbers and tables for a reader."""
+"""Numbers and tables for readers."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 
 def number(value: float, digits: int = 3) -> str:
-    """A number with so many significant digits, and commas between thousands."""
+    """Return a number with so many significant digits, and commas between thousands."""
     if not math.isfinite(value):
         return "-"
     if value == 0.0:
@@ -19,28 +19,28 @@ def number(value: float, digits: int = 3) -> str:
 
 
 def percent(share: float) -> str:
-    """A share as whole percents."""
+    """Return a share in whole per cent."""
     return f"{100.0 * share:.0f} %"
 
 
 def asked(rel_err: float) -> str:
-    """A relative error as it is said: 0, 1e-6, 0.1, 1."""
+    """Return a relative error as readers write it: 0, 1e-6, 0.1, 1."""
     return f"{rel_err:.0e}".replace("e-0", "e-") if 0.0 < rel_err < 0.01 else f"{rel_err:g}"
 
 
 def table(headings: Sequence[str], rows: Sequence[Sequence[str]], names: int = 1) -> str:
-    """A table in Markdown; all columns but the first, which hold names, stand to the right."""
+    """Return a table in Markdown; all columns but the first `names` are aligned to the right."""
     rule = ["---"] * names + ["---:"] * (len(headings) - names)
     lines = [headings, rule, *rows]
     return "".join(f"| {' | '.join(line)} |\n" for line in lines)
 
 
 def folded(title: str, text: str) -> str:
-    """Text that opens when its title is clicked."""
+    """Return text that opens when its title is clicked."""
     return f'<details markdown="1"><summary>{title}</summary>\n\n{text}\n</details>\n'
 
 
 def listed(names: Sequence[str]) -> str:
-    """`a`, `a and b`, or `a, b and c`."""
+    """Return `a`, `a and b`, or `a, b and c`."""
     *first, last = names
     return f"{', '.join(first)} and {last}" if first else last
