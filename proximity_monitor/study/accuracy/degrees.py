@@ -140,7 +140,7 @@ def _why(rows: Rows) -> str:
         "that it remains stable. Stable it is here, too: the bounds of every query meet. "
         "But a higher degree costs time for another reason: hulls of more control points take "
         "longer to test and to divide, while fewer of them are tested, because the same net has "
-        "fewer pieces and less waves. The paper's algorithms run at "
+        "fewer pieces and fewer waves. The paper's algorithms run at "
         f"{CLOSEST_POINT_HZ[0]} to {CLOSEST_POINT_HZ[1]} Hz for a point, to 1e-6 of the "
         f"parameters, and at {SURFACES_HZ[0]} to {SURFACES_HZ[1]} Hz for two surfaces, on a "
         f"machine of its time; ours, exact, of degree 3 and {values(rows, 'net')[0]} control "
