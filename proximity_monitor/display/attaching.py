@@ -1,4 +1,4 @@
-"""Attaching a part to another, so that they move together, and detaching it."""
+"""The input that attaches a part to another, so that they move together, or detaches it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ NOTHING = "(nothing)"
 
 
 class Attaching:
-    """The input of the part at the gizmo. It sets the monitor's parameters, so it is for all."""
+    """The input for the part at the gizmo. It sets parameters of the monitor, for all browsers."""
 
     def __init__(
         self,
@@ -23,7 +23,7 @@ class Attaching:
         choice: Choice,
         ask: Callable[[Mapping[str, str]], None],
     ) -> None:
-        """Add it at this place of the GUI; `ask` sends parameters to the monitor."""
+        """Add the input at the current place of the GUI; `ask` sends parameters to the monitor."""
         self._choice = choice
         self._asked = ""
         self._told: tuple = ()
@@ -41,7 +41,7 @@ class Attaching:
             ask({self._asked: "" if parent == NOTHING else parent})
 
     def show(self, news: News) -> None:
-        """Follow what is in force."""
+        """Show the parent that the monitor reports, and why it refused a request of this page."""
         child, scene = self._choice.body, news.scene
         names = (body.name for body in scene.bodies if body.name != child)
         options = (NOTHING,) if child is None else (NOTHING, *names)

@@ -1,4 +1,4 @@
-"""Parts coloured by clearance, where that is asked for; see `bands`."""
+"""Colours parts by clearance, if a person has chosen that for them; see `bands`."""
 
 from __future__ import annotations
 
@@ -18,26 +18,26 @@ from proximity_monitor.display.signs import CLEAR_SIGN, STALE_SIGN, STOP_SIGN, W
 from proximity_monitor.display.state import STALE, Frame, SceneInfo
 
 EVERY_S = 0.5
-"""Seconds between two parts' bands at least."""
+"""Minimum seconds between the starts of two computations of bands."""
 
 LONGEST_S = 5.0
-"""Seconds for the bands of one part at most, where it and all near it rest."""
+"""Maximum seconds for the bands of one part; the time grows up to this while nothing near moves."""
 
 COLOURS = ((213, 94, 0), (230, 159, 0), (86, 180, 233), (150, 150, 155))
-"""By band: below stop, below warn, above, not known. They differ in lightness, too."""
+"""By band: below stop, below warn, above, not known. They differ in lightness as well as in hue."""
 
 _WORDS = ("below stop", "below warn", "above", "not known yet")
 _SIGNS = (STOP_SIGN, WARN_SIGN, CLEAR_SIGN, STALE_SIGN)
 
 _WORKER = ThreadPoolExecutor(1, thread_name_prefix="bands")
-"""One for all browsers, so that the page has its time."""
+"""One thread for all browsers, so that the page's own thread keeps its time."""
 
 
 _Placed = tuple[Part, bytes | None]
 
 _Near = tuple[_Placed, tuple]
-"""A part with its pose, and those near it: part, pose, whether it is a point, and the limits. The
-pose is None where it is not known at that moment, or too old."""
+"""A part with its pose, and for each of its listed pairs: the other part, its pose, whether it is a
+point, and the limits. A pose is None if it is unknown at that tick or too old."""
 
 
 class _Job(NamedTuple):
@@ -52,20 +52,20 @@ class Banding:
     """The coloured meshes of one page."""
 
     def __init__(self, api: viser.SceneApi, parts: Parts, scene: SceneInfo) -> None:
-        """Begin without any."""
+        """Begin without coloured parts."""
         self._api = api
         self._parts = parts
         self._scene = scene
         self._number = {body.name: i for i, body in enumerate(scene.bodies)}
         self._row = {name: i for i, name in enumerate(scene.moving)}
         self._seen: tuple = ()
-        self._near: dict[str, _Near] = {}  # of what was seen last
-        self._made: dict[str, tuple[_Near | None, float]] = {}  # of what, and from which tick
+        self._near: dict[str, _Near] = {}  # by part, of the tick that was shown last
+        self._made: dict[str, tuple[_Near | None, float]] = {}  # input and tick of the shown bands
         self._job: _Job | None = None
-        self._again: dict[str, tuple[_Near, float]] = {}  # of what, and with how many seconds
+        self._again: dict[str, tuple[_Near, float]] = {}  # input to compute again, and its budget
         self._due_s = 0.0
         self._behind_s = 0.0
-        # How far along each the colours may be off, and how far its shape and those near it may.
+        # By part: how far along it a colour may be wrong, and how far the shapes may be off.
         self._sampled_m: dict[str, tuple[float, float]] = {}
 
     def show(
@@ -77,15 +77,15 @@ class Banding:
         now_s: float,
         past: bool = False,
     ) -> None:
-        """Colour the parts that are wanted, one after the other, and no other.
+        """Colour the wanted parts one after the other, and no other parts.
 
         Args:
-            scene: with the limits in force.
+            scene: the scene, with the limits in force.
             frame: the tick that is shown.
-            parts: as they are now.
-            wanted: names of parts.
-            now_s: of a clock that never goes back.
-            past: whether the tick is of the past, when what deforms had another shape.
+            parts: the parts with their present shapes.
+            wanted: names of the parts to colour.
+            now_s: a moment of a clock that never goes back.
+            past: whether the tick is in the past; deforming bodies had another shape then.
         """
         self._scene = scene
         for name in self._made.keys() - set(wanted):
@@ -96,14 +96,14 @@ class Banding:
             if job.name in wanted:
                 self._draw(job)
         seen = frame, scene, parts, tuple(wanted), past
-        if seen != self._seen:  # once a tick, not at each step
+        if seen != self._seen:  # once a tick, not at every step of the page
             self._seen, changed = seen, scene.deforming if past else frozenset()
             placed = cache(lambda name: self._placed(name, frame, parts))
             self._near = {name: self._near_of(name, frame, placed, changed) for name in wanted}
         near = self._near
         old = [n for n in wanted if n not in self._made or self._made[n][0] != near[n]]
         since = [frame.stamp_s - self._made[name][1] for name in old if name in self._made]
-        self._behind_s = max(since, key=abs, default=0.0)  # negative: while one looks back
+        self._behind_s = max(since, key=abs, default=0.0)  # negative while the page looks back
         if self._job is None and old and now_s >= self._due_s:
             self._due_s = now_s + EVERY_S
             name = min(old, key=lambda each: self._made[each][1] if each in self._made else -np.inf)
@@ -113,7 +113,7 @@ class Banding:
             self._job = _Job(name, near[name], frame.stamp_s, budget_s, answer)
 
     def legend(self) -> str:
-        """Return what the colours mean, as HTML; empty: there are none."""
+        """Return what the colours mean, as HTML; empty if no part is coloured."""
         if not self._made and self._job is None:
             return ""
         boxes = "".join(
@@ -136,10 +136,10 @@ class Banding:
     def _near_of(
         self, name: str, frame: Frame, placed: Callable[[str], _Placed], changed: Collection[str]
     ) -> _Near:
-        """Return all that a part's bands depend on: the listed pairs that it is in.
+        """Return all that a part's bands depend on: itself and the other part of each listed pair.
 
-        Nothing is known of a stale pair, of a tick of which one pair is known, and of what had
-        another shape.
+        A pose is None, so the bands are unknown, if the pair is stale, if the tick holds one pair
+        alone, or if a part had another shape at that tick.
         """
         part, pose = placed(name)
         if not frame.whole or name in changed:
@@ -156,17 +156,17 @@ class Banding:
         return (part, pose), tuple(others)
 
     def _placed(self, name: str, frame: Frame, parts: Sequence[Part]) -> _Placed:
-        """Return a part and its pose, as bytes that can be compared."""
+        """Return a part and its pose, as bytes so that poses can be compared."""
         part = parts[self._number[name]]
         row = self._row.get(name)
         pose = part.pose if row is None else frame.pose(row)
         return part, None if pose is None else pose.tobytes()
 
     def _draw(self, job: _Job) -> None:
-        corners, of, *off, cut = job.answer.result()  # an error is the page's
+        corners, of, *off, cut = job.answer.result()  # the page shows an error of the computation
         self._sampled_m[job.name] = tuple(off)
         scale = self._parts.scale
-        # What there was no time for is tried again with more, as on a machine that was busy.
+        # If time ran out, as on a busy machine, the bands are computed again with a larger budget.
         again = cut and (job.budget_s < LONGEST_S or bool((of == bands.UNKNOWN).any()))
         self._made[job.name] = (None if again else job.near, job.stamp_s)
         self._again.pop(job.name, None)

@@ -1,11 +1,11 @@
-"""Bands: which places of a part are nearer than stop or warn, of the triangles that are shown.
+"""Bands: which places on a part's shown triangles are nearer than stop or warn to another part.
 
-A clearance changes by no more than the way along the part. So if a triangle has its middle at c and
-its farthest corner at r from there, the clearance of each of its points is that of c to r. A
-triangle that may reach into two bands is divided until it is small or the time is over. Then it has
-the band of its middle, and the page says how far that is from its other points. The triangles may
-be off what they show, and what is near by as much: a band is certain only where that leaves it the
-same.
+Between two points of a part, the clearance differs by at most their distance. So if a triangle has
+its middle at c and its farthest corner at the distance r from c, the clearance of each of its
+points is within r of that of c. A triangle that may reach into two bands is divided until it is
+small or time is over. Then it gets the band of its middle, and the page says how far that is from
+its other points. The triangles, and those of the other parts, may deviate from the shapes that they
+show. A band is certain only if it is the same for every such deviation.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ BUDGET_S = 0.3
 """Seconds for the bands of one part."""
 
 FINEST = 0.01
-"""Triangles are not divided below this share of the part's size."""
+"""Triangles smaller than this share of the part's size are not divided."""
 
 BEYOND = 1.01
-"""Distances are asked for so much farther than they matter, so that what is farther is above."""
+"""Distances are searched up to this factor beyond where they matter; anything farther is above."""
 
 MOST = 40_000
-"""Triangles of a part at most; beyond that none is divided."""
+"""Maximum number of triangles of a part; beyond it no triangle is divided."""
 
 BELOW_STOP, BELOW_WARN, ABOVE, UNKNOWN = range(4)
 
@@ -40,18 +40,18 @@ _MODELS: WeakKeyDictionary[Part, engine.Model] = WeakKeyDictionary()
 
 
 class Other(NamedTuple):
-    """A part that another one shall keep away from."""
+    """A part that the part with bands is watched against."""
 
     model: engine.Model
     pose: np.ndarray
-    """(4, 4) to the frame of the part whose bands are wanted, metres."""
+    """(4, 4) to the frame of the part whose bands are wanted, in metres."""
     limits: Thresholds
     off: float = 0.0
-    """Metres; that of the part, see there. What is finite is the model's deviation, too."""
+    """Metres; see `Part.off`. If it is finite, it is also the model's deviation."""
 
 
 def model_of(part: Part, point: bool) -> engine.Model:
-    """Return what is shown of a body as a model; `point` says that it is a single point."""
+    """Return what is shown of a body as a model; `point` says that the body is a single point."""
     found = _MODELS.get(part)
     if found is None:
         how = {"deviation": part.off if np.isfinite(part.off) else 0.0}
@@ -63,7 +63,7 @@ def model_of(part: Part, point: bool) -> engine.Model:
                 how["solid"] = False
             found = engine.shapes.triangles(vertices, index.reshape(-1, 3), **how)
             if part.solid and found.has_area and not found.is_solid:
-                # Of a curved body neighbouring patches may have corners of their own.
+                # Neighbouring patches of a curved body may not share their corners.
                 found = engine.shapes.triangles(
                     vertices, index.reshape(-1, 3), solid="robust", **how
                 )
@@ -83,28 +83,28 @@ class Bands(NamedTuple):
     """Triangles and their bands."""
 
     corners: np.ndarray
-    """(m, 3, 3) metres, in the part's frame; together they are the triangles that were given."""
+    """(m, 3, 3) metres, in the part's frame; together they cover the given triangles."""
     band: np.ndarray
     """(m,)"""
     sampled_m: float
-    """The farthest that any point of a triangle is from the one whose band it got."""
+    """The farthest that a point of a triangle is from the middle whose band the triangle got."""
     off_m: float
-    """How far the shapes may be off, both together; 0: no band depends on it; inf: not known.
-    Every band is certain where this and `sampled_m` are 0."""
+    """How far the shapes of a pair may be off, added up; 0: no band depends on it; inf: not known.
+    Every band is certain if this and `sampled_m` are 0."""
     cut: bool = False
-    """Whether the time was over before all was known as well as it may be."""
+    """Whether time was over before every band was as certain as it can become."""
 
 
 def bands(
     corners: np.ndarray, others: Sequence[Other], budget_s: float = BUDGET_S, off: float = 0.0
 ) -> Bands:
-    """Return the bands of a part.
+    """Return the bands of a part, computed within a time budget.
 
     Args:
         corners: (n, 3, 3) of its triangles in its own frame, metres.
-        others: what it shall keep away from.
-        budget_s: seconds, after what is made once for each model, or compiled, is there.
-        off: metres; how far these triangles are at most from what they show; inf: not known.
+        others: the parts that it is watched against.
+        budget_s: seconds. Preparing each model and compiling, which happen once, do not count.
+        off: metres; how far these triangles are at most from the body; inf: not known.
     """
     for other in others:
         engine.closest_points(other.model, other.pose, np.zeros((1, 3)), signed=True)
@@ -131,9 +131,10 @@ def bands(
 
 
 def _ball(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the middles (n, 3) of triangles, and radii (n,) of balls around them that hold all.
+    """Return the middles (n, 3) of triangles, and the radii (n,) of balls about them.
 
-    A triangle lies in any ball that holds its corners, wherever rounding puts the middle.
+    Each ball holds its triangle's corners, wherever rounding puts the middle, so it holds the
+    triangle.
     """
     middle = corners.mean(axis=1)
     radius = np.linalg.norm(corners - middle[:, None], axis=2).max(axis=1, initial=0.0)
@@ -143,13 +144,13 @@ def _ball(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _judged(
     middle: np.ndarray, radius: np.ndarray, others: Sequence[Other], off: float, ends: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return what is known of the points of balls (n,), and the band (n,) of each middle.
+    """Return three flags for each ball (n,), and the band (n,) of each middle.
 
-    First of which balls all points have one band; second of which they have it however the shapes
-    are off; third of which not even the middle has. What is not known is the first two, too: there
-    is no time to know more.
+    The flags say: all points of the ball have one band; they have it however the shapes are off;
+    even the band of the middle depends on how the shapes are off, so dividing would be in vain. If
+    time was over, the band is not known, and the first two flags are set.
     """
-    # The nearest and the farthest band of what is drawn, of the shapes, and of a middle of these.
+    # The nearest and the farthest band of the drawn balls, of the shapes, and of the middles alone.
     drawn, shapes, middles = (np.full((2, len(middle)), ABOVE) for _ in range(3))
     band = drawn[0].copy()
     known = np.ones(len(middle), bool)
@@ -166,7 +167,7 @@ def _judged(
             signed=True,
         )
         known &= found.done
-        # Of the triangles as they are shown: without what they are off.
+        # Bounds for the triangles as they are shown: the engine has widened them by the deviation.
         lower, upper = found.lower + widened, found.upper - widened
         band = np.minimum(band, _band(np.minimum(lower, upper), warn, stop))
         more = off if np.isfinite(other.off) else np.inf

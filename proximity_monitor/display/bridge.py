@@ -1,9 +1,9 @@
-"""Clicks on the page's own HTML: each becomes a text that a callback takes.
+"""Presses on the page's own HTML: each becomes a word that a callback takes.
 
-viser shows HTML as given and hears only its own elements. So there is a hidden text field behind
-the HTML, and a pressed element types its word there. Words end with the time of the press, so that
-pressing one twice changes the field twice. It listens to presses, not to clicks, because HTML that
-is rewritten between press and release would swallow a click.
+viser shows HTML as given and hears only its own elements. So a hidden text field stands behind the
+HTML, and a pressed element types its word into that field. Each word ends with the time of the
+press, so that two presses of one element change the field twice. The page listens to presses, not
+to clicks, because HTML that is rewritten between press and release would swallow a click.
 """
 
 from __future__ import annotations
@@ -27,16 +27,16 @@ _TYPE = (
     "f.dispatchEvent(new Event('input',{bubbles:true}))}"
 )
 PRESSES = f'onpointerdown="{_TYPE}"'
-"""The attribute of an element within which presses are heard."""
+"""The attribute of an element; presses on elements within it are heard."""
 
 OnWord = Callable[[str], None]
 
 
 class Bridge:
-    """The hidden field."""
+    """The hidden text field."""
 
     def __init__(self, gui: viser.GuiApi, on_word: OnWord) -> None:
-        """Add the field at this place of the GUI; `on_word` gets each word."""
+        """Add the field at the current place of the GUI; `on_word` gets each word."""
         gui.add_html(f'<style>{_STYLE}</style><span id="{_ID}"></span>')
         field = gui.add_text("pressed", "")
 
@@ -48,18 +48,18 @@ class Bridge:
 
 
 def word(text: str) -> str:
-    """Return the attribute with which an element within `PRESSES` sends a word when pressed."""
+    """Return the attribute that makes an element within `PRESSES` send a word when pressed."""
     return f'data-word="{escape(text, quote=True)}"'
 
 
 def pair_word(what: str, pair: PairName) -> str:
-    """Return the same for a word about a pair; `as_pair` reads what follows `what` and a colon."""
-    # Names may have hyphens: those that are left are between the two.
+    """Return that attribute for a word about a pair; `as_pair` reads the part after the colon."""
+    # Names may have hyphens. They are escaped, so " - " appears only between the two names.
     a, b = (name.replace("%", "%25").replace("-", "%2D") for name in pair)
     return word(f"{what}:{a} - {b}")
 
 
 def as_pair(text: str) -> PairName | None:
-    """Return a pair's names from a pressed word; None: it is about no pair."""
+    """Return the names of a pair from a pressed word; None: the word names no pair."""
     names = tuple(map(unquote, text.split(" - ")))
     return names if len(names) == 2 else None

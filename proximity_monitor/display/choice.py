@@ -1,4 +1,4 @@
-"""The choices of the people at the page; callbacks write them, the page's loop reads them."""
+"""The choices of the person at a page; callbacks write them, the page's loop reads them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Look(NamedTuple):
     """How a part is drawn."""
 
     opacity: float | None = None
-    """None: as the scene says."""
+    """None: the opacity that the scene says."""
     edges: bool = True
     """Whether its sharp edges are drawn."""
     bands: bool = False
@@ -30,21 +30,21 @@ PLAIN = Look()
 
 @dataclass
 class Choice:
-    """Each field is set as a whole, so no lock is needed."""
+    """One page's choices. Each field is set as a whole, so no lock is needed."""
 
     pair: PairName | None = None
-    """The highlighted pair; the rest is dim."""
+    """The highlighted pair; the other parts are dimmed."""
     body: str | None = None
-    """At the gizmo."""
+    """The body at the gizmo."""
     search: str = ""
     state: str = ""
-    """Only pairs of this state are listed, one of `order.KINDS`; empty: of all."""
+    """Only pairs of this state are listed, one of `order.KINDS`; empty: of every state."""
     part: str = ""
-    """Only pairs of this body are listed; empty: of all."""
+    """Only pairs of this body are listed; empty: of every body."""
     status: str = ""
-    """Only pairs of this status are listed, one of `decisions.STATUSES`; empty: of all."""
+    """Only pairs of this status are listed, one of `decisions.STATUSES`; empty: of every status."""
     group: str = ""
-    """By what the list is grouped, one of `listing.GROUPS`; empty: not at all."""
+    """How the list is grouped, one of `listing.GROUPS`; empty: not at all."""
     ignored: frozenset[PairName] = field(default_factory=frozenset)
     """Ignored pairs: not drawn, not in the banner, and not in the session's minimum; the monitor
     keeps watching them."""
@@ -53,29 +53,29 @@ class Choice:
     names: bool = True
     """Whether parts show their names."""
     looks: Mapping[str, Look] = field(default_factory=dict)
-    """By part, of those that do not look as the scene says."""
+    """By name, the looks of parts that differ from what the scene says."""
     at_s: float | None = None
     """The moment of the session to show; None: now."""
     seen: tuple[PairName, Snapshot] | None = None
-    """A pair that somebody went back to, as it was: the session may not have kept that tick."""
+    """A pair that the page looks back at, as it was; the session may not have kept that tick."""
 
     @property
     def when(self) -> str:
-        """What people call the moment that is shown."""
+        """The word for the moment that is shown."""
         return "now" if self.at_s is None else "then"
 
     @property
     def filtered(self) -> bool:
-        """Whether some pairs are not listed."""
+        """Whether the filters may leave pairs out of the list."""
         return bool(self.search or self.state or self.part or self.status)
 
     def look_back(self, pair: PairName, stamp_s: float, then: Snapshot | None) -> None:
-        """Show a pair at a moment; `then` is the pair there, if that is known."""
+        """Show a pair at a moment; `then` is its snapshot at that moment, None if not known."""
         self.seen = None if then is None else (pair, then)
         self.at_s, self.pair = stamp_s, pair
 
     def ignore(self, pair: PairName) -> None:
-        """Ignore a pair, or watch it again."""
+        """Ignore a pair, or stop ignoring it."""
         self.ignored ^= {pair}
         if self.pair in self.ignored:
             self.pair = None

@@ -1,4 +1,4 @@
-"""The list of the session's conflicts on one page; a press goes to the smallest clearance."""
+"""The list of the session's conflicts on one page; a press looks back at the smallest clearance."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from proximity_monitor.display.signs import length
 from proximity_monitor.display.state import SceneInfo
 
 TURN = "conflicts-from"
-"""The word with which a page of the list is asked for."""
+"""The word that a press sends to turn to another page of the list."""
 
 EVERY_S = 0.5
 """Seconds between two updates of the list."""
@@ -28,7 +28,7 @@ class ConflictList:
     """Lists each pair that was not clear in the session or has a status, the worst first."""
 
     def __init__(self, gui: viser.GuiApi, shared: Shared, choice: Choice) -> None:
-        """Add it at this place of the GUI."""
+        """Add the list at the current place of the GUI."""
         self._about = shared.session, shared.events
         self._decisions = shared.conflicts
         self._choice = choice
@@ -46,7 +46,7 @@ class ConflictList:
     def go(self, pair: PairName) -> None:
         """Look back at a pair at its smallest clearance, or else at its last change of state.
 
-        One that never came into its range is highlighted, so that its status can be changed.
+        A pair that never came into its range is highlighted, so that its status can be changed.
         """
         session, events = self._about
         worst = session.worst(pair)
@@ -60,7 +60,7 @@ class ConflictList:
         self._due_s = 0.0
 
     def turn(self, first: str) -> None:
-        """Show the page that begins with a row."""
+        """Show the page of the list that begins with a row."""
         self._first, self._due_s = int(first) if first.isdecimal() else 0, 0.0
 
     def _html(self, scene: SceneInfo) -> str:

@@ -1,7 +1,8 @@
 """What people decided about conflicts: new, accepted or ignored, with a comment.
 
 A decision is a note. It changes no state, no alert and no number. The file is read again before
-each change, so what others wrote in it stays. What cannot be written is kept here, and tried again.
+each write, so entries that others wrote stay. Decisions that cannot be written now are kept in
+memory, and the next look tries again.
 """
 
 from __future__ import annotations
@@ -29,41 +30,41 @@ class Conflicts:
     """The decisions of one scene, for all browsers."""
 
     def __init__(self, given: str = "") -> None:
-        """Begin without a scene; `follow` comes first.
+        """Begin without a scene; call `follow` before anything else.
 
         Args:
-            given: path of the file; empty: see `decisions.place`.
+            given: path of the file; empty: `decisions.place` chooses it.
         """
         self._given = given
         self._lock = threading.Lock()
         self._where: tuple[str, str] | None = None  # the scene's file and name
         self._unsaved: Unsaved = {}
-        self._waiting: dict[tuple[str, str], Unsaved] = {}  # of other scenes
+        self._waiting: dict[tuple[str, str], Unsaved] = {}  # unsaved decisions of other scenes
         self._known: Decisions = {}
-        self._seen: object = self  # unlike what any look at a file finds
+        self._seen: object = self  # differs from every result of `_look`
         self._due_s = float("-inf")
         self.path: Path | None = None
-        """Where decisions are kept; None: there is no place."""
+        """The file of decisions; None: there is no place for one."""
         self.problem = ""
-        """Why they cannot be read or written now; empty if they can."""
+        """Why the file cannot be read or written now; empty if it can."""
 
     @property
     def all(self) -> Decisions:
-        """The decisions, those that are not written yet as well."""
+        """All decisions, including those that are not written yet."""
         return self._known | {key: told for key, (_, told) in self._unsaved.items()}
 
     def is_written(self, pair: PairName) -> bool:
-        """Return whether what is decided about a pair, if anything, is in the file."""
+        """Return whether the decision about a pair is in the file; also true if there is none."""
         return frozenset(pair) not in self._unsaved
 
     def decide(self, pair: PairName, decision: Decision) -> None:
-        """Take a decision; `follow` writes it. Any thread may call."""
+        """Take a decision; `follow` writes it. Any thread may call this."""
         with self._lock:
             self._unsaved = {**self._unsaved, frozenset(pair): (pair, decision)}
             self._due_s = float("-inf")
 
     def follow(self, scene: SceneInfo, now_s: float) -> None:
-        """Write what is new here and read what is new in the file, from time to time."""
+        """Write new decisions to the file; every `LOOK_S`, read new ones from it."""
         if self._where != (scene.path, scene.name):
             self._begin(scene)
         if self.path is None or now_s < self._due_s:
@@ -90,7 +91,7 @@ class Conflicts:
 
     def _begin(self, scene: SceneInfo) -> None:
         if self._unsaved and self.path is not None:
-            # Else they wait until that scene comes back.
+            # Decisions that cannot be written wait until their scene comes back.
             with suppress(OSError, ValueError), self._lock:
                 self._write(self._unsaved, self._where[1])
                 self._unsaved = {}
@@ -104,7 +105,7 @@ class Conflicts:
 
 
 def _look(path: Path) -> tuple[int, ...] | None:
-    """Return what differs whenever a file was written; None: there is none."""
+    """Return values that change whenever the file is written; None: there is no file."""
     try:
         found = path.stat()
     except FileNotFoundError:
@@ -119,7 +120,10 @@ def _problem(error: Exception, path: Path, unsaved: bool) -> str:
 
 
 def decided(pairs: Pairs, row: int | None, status: str, comment: str) -> Decision:
-    """Return the decision that somebody takes now about a pair as it is; None: not listed."""
+    """Return a person's decision of this moment, with the pair's state and bounds.
+
+    `row` is the pair's row in the tick; None if the tick does not list the pair.
+    """
     now = datetime.now(UTC).isoformat(timespec="seconds")
     if row is None:
         return Decision(status, comment, decided=now)
@@ -129,14 +133,14 @@ def decided(pairs: Pairs, row: int | None, status: str, comment: str) -> Decisio
 
 
 def told(decision: Decision, state: str, upper: float, unit: Unit, worse: str = "worse now") -> str:
-    """Return a decision in a line, for people; empty: there is none.
+    """Return a decision as one line for people; empty if there is no decision.
 
     Args:
-        decision: about a pair.
-        state: of the pair, one of `order.KINDS`.
-        upper: its upper bound, metres.
-        unit: of the bounds.
-        worse: what is said if that is worse than what was decided about.
+        decision: the decision about a pair.
+        state: the pair's state, one of `order.KINDS`.
+        upper: the pair's upper bound, metres.
+        unit: the unit for bounds.
+        worse: the words to add if the pair is worse than when the decision was made.
     """
     if decision == UNDECIDED:
         return ""
@@ -150,7 +154,7 @@ def told(decision: Decision, state: str, upper: float, unit: Unit, worse: str = 
 def row_mark(
     decision: Decision, state: str, upper: float, unit: Unit, worse: str = "worse now"
 ) -> str:
-    """Return a decision as HTML, for a row of its pair; see `told`."""
+    """Return a decision as HTML for the row of its pair; see `told`."""
     kind = "pm-unproved" if decision.outgrown(state, upper) else "pm-dim"
     line = escape(told(decision, state, upper, unit, worse))
     return f'<div class="pm-small pm-decided {kind}">{line}</div>' if line else ""

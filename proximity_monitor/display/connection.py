@@ -51,12 +51,12 @@ _PAST = fading("#6a3d9a")
 
 
 class Connection(NamedTuple):
-    """The state of the connection, and a line that says why."""
+    """The state of the connection, and a line that gives the reason."""
 
     state: ConnectionState
     text: str
     current: bool = True
-    """Whether the last tick that was read is current."""
+    """Whether the newest tick is current."""
 
 
 def connection(news: News, now_s: float) -> Connection:
@@ -102,14 +102,14 @@ def connection(news: News, now_s: float) -> Connection:
 
 @lru_cache(maxsize=1)
 def silent_bodies(frame: Frame) -> Mapping[str, str]:
-    """Return the bodies without a recent pose, and for how long; once a tick, not at each step."""
+    """Return the bodies without a recent pose, and for how long. Cached, so it runs once a tick."""
     found: dict[str, float] = {}
     pairs = frame.pairs
     rows = np.flatnonzero(pairs.level == STALE)
     ages = frame.stamp_s - pairs.stamp_s[rows]
     for i, age in zip(rows.tolist(), ages.tolist(), strict=True):
         for name in pairs.silent_bodies.get(i, pairs.names[i]):
-            # With two silent bodies, the stamp belongs to the one that is silent for longer.
+            # If both are silent, the stamp belongs to the one that is silent for longer.
             known = found.get(name)
             found[name] = age if known is None else min(known, age)
     return {
@@ -125,14 +125,14 @@ def pill(
     deforming: Collection[str] = (),
     shown_s: float | None = None,
 ) -> str:
-    """Return the state as HTML; while the page looks back it says that and never that it is live.
+    """Return the state as HTML. While the page looks back, it says *past* and never *live*.
 
     Args:
         told: the state of the connection.
-        choice: the moment that is shown.
+        choice: holds the moment that is shown.
         newest_s: the stamp of the newest tick.
-        deforming: bodies of whose shapes only the present one is known.
-        shown_s: the stamp of the tick that is shown; None: that of the chosen moment.
+        deforming: bodies of which only the present shape is known.
+        shown_s: the stamp of the tick that is shown; None: it is the chosen moment.
     """
     glyph, colour = _PILLS[told.state]
     state, text = told.state.value, escape(told.text)
@@ -145,10 +145,10 @@ def pill(
         other = _other_tick(shown_s - choice.at_s)
         text = f"looking back by {newest_s - shown_s:.1f} s{other}: {which}{now}"
         state, name, reason, title, colour = "past", "◀ past", text, text, _PAST
-    if told.current:  # else it is known here why
+    if told.current:  # otherwise the display knows the reason, and the text above has it
         then = "" if choice.at_s is None else f"{text}; "
         name, reason = aging(name, "? no news"), aging(text, f"{then}no tick came in time")
-        title = ""  # it would not grow old
+        title = ""  # a title cannot change when the news grows old
     return (
         f'<div class="pm pm-line" id="pm-connection" data-state="{state}">'
         f'<span class=pm-pill style="background:{colour}">{name}</span>'
@@ -157,7 +157,7 @@ def pill(
 
 
 def _other_tick(late_s: float) -> str:
-    """Return that the chosen moment's own tick is not shown; empty: it is."""
+    """Return how far the shown tick is from the chosen moment; empty if they are the same."""
     if not late_s:
         return ""
     return f", at the tick {abs(late_s):.3g} s {'after' if late_s > 0.0 else 'before'} that moment"
@@ -170,17 +170,17 @@ def banner(
     told: Connection,
     left: Unlisted | None = None,
 ) -> str:
-    """Return a banner with the worst pair that is not clear, or that all are clear.
+    """Return a banner with the worst pair that is not clear, or with the word that all are clear.
 
-    It always takes the same room, so that nothing moves under the pointer. It is green only if
-    there are pairs that it speaks of, and all of them are clear, the hidden ones too.
+    The banner always takes the same room, so that nothing moves under the pointer. It is green only
+    if it speaks of at least one pair and all of those are clear, including hidden ones.
 
     Args:
         frame: the last tick.
-        scene: its scene.
-        choice: which pairs are hidden.
-        told: whether the tick is current: pairs that were clear may not be so any more.
-        left: the pairs that the tick does not list; None: nobody has said why.
+        scene: the scene of the tick.
+        choice: says which pairs are hidden.
+        told: says whether the tick is current; if not, pairs that were clear may not be so now.
+        left: the pairs that the tick does not list; None: the reasons are not known.
     """
     left = left or unlisted(frame.pairs, scene, None)
     pairs, order = frame.pairs, urgent_first(frame.pairs, scene)

@@ -1,7 +1,7 @@
 """The panel in which people decide about the highlighted pair.
 
-Others may decide about it meanwhile. Fields that nobody touched follow. What was typed stays, and
-is not kept before the person has seen what the others decided.
+Others may decide about the same pair meanwhile. Fields that the person has not touched follow their
+decision. A typed value stays, but it is saved only after the person has seen that decision.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from proximity_monitor.display.unlisted import reason
 
 
 class Deciding:
-    """Status and comment of a pair, and where they are kept."""
+    """The fields for the status and comment of a pair, and a line that names the file."""
 
     def __init__(self, gui: viser.GuiApi, conflicts: Conflicts, choice: Choice) -> None:
-        """Add it at this place of the GUI."""
+        """Add the panel at the current place of the GUI."""
         self._conflicts = conflicts
         self._choice = choice
-        self._pair: PairName | None = None  # in the fields
-        self._known = (NEW, "")  # what the fields had before anybody touched them
+        self._pair: PairName | None = None  # the pair whose decision is in the fields
+        self._known = (NEW, "")  # the decision that the person has seen: status and comment
         self._clash = ""
         self._pairs: Pairs | None = None
         self._folder = gui.add_folder("Status of the pair", expand_by_default=False)
@@ -50,13 +50,13 @@ class Deciding:
                 self._known = self._typed
 
     def show(self, pairs: Pairs, scene: SceneInfo) -> None:
-        """Follow the highlighted pair; what is typed stays while that is the same.
+        """Follow the highlighted pair; typed values stay while the pair is the same.
 
-        Without one it takes no room from the list, unless the file is in trouble.
+        Without a pair the panel is hidden, unless the file has a problem.
 
         Args:
-            pairs: of the moment that is shown, which is what one decides about.
-            scene: of these.
+            pairs: the pairs of the moment that is shown; a decision is about that moment.
+            scene: the scene of these pairs.
         """
         pair, self._pairs = self._choice.pair, pairs
         decision = self._decision(pair)
@@ -82,7 +82,7 @@ class Deciding:
         return known or UNDECIDED
 
     def _agrees(self) -> bool:
-        """Return whether the person knows what is decided; if not, tell it, and so it is known."""
+        """Return whether the fields began with the decision in force; if not, show that one."""
         decision = self._decision(self._pair)
         before, self._known = self._known, (decision.status, decision.comment)
         agrees = before == self._known

@@ -1,7 +1,7 @@
-"""The file with what people decided about conflicts: where it is, what it says, how it is written.
+"""The file of people's decisions about conflicts: its place, its content, and how it is written.
 
-It is JSON: ``version`` 1, the ``scene`` and a list of ``conflicts``, each with the names ``a`` and
-``b``, its ``status`` and ``comment``, when it was ``decided``, and how the pair was then:
+It is JSON: ``version`` 1, the ``scene`` and a list of ``conflicts``. Each conflict has the names
+``a`` and ``b``, its ``status`` and ``comment``, when it was ``decided``, and how the pair was then:
 ``state``, ``lower_m`` and ``upper_m``.
 """
 
@@ -32,14 +32,14 @@ VERSION = 1
 SUFFIX = ".conflicts.json"
 
 BYTES = 20_000_000
-"""No file that is longer is read."""
+"""Largest file that is read."""
 
 FAR_M = 1e9
-"""No number in it is beyond that."""
+"""Largest absolute value of a number in the file."""
 
 MUCH = 2.0
-"""An overlap is worse than another one if it is this many times as deep. A little deeper it may be
-by the search's tolerance, or by the noise of poses."""
+"""An overlap is worse if it is certainly more than this many times as deep as before. The search's
+tolerance, or noise in the poses, can make it a little deeper."""
 
 _FORGOTTEN = (
     "What is decided here is forgotten at the end: start the display with -p conflicts:=FILE"
@@ -54,7 +54,7 @@ class Decision(NamedTuple):
     state: str = ""
     """One of `order.KINDS`; empty: not known."""
     lower: float | None = None
-    """Metres, as is `upper`; None: not known."""
+    """Metres, as `upper` is; None: not known."""
     upper: float | None = None
     decided: str = ""
     """The moment, ISO 8601, in UTC; empty: never."""
@@ -62,11 +62,12 @@ class Decision(NamedTuple):
     def outgrown(self, state: str, upper: float) -> bool:
         """Return whether a pair is worse now than when it was accepted or ignored.
 
-        It is in a worse state, or overlaps for certain and did not, or is `MUCH` times as deep.
+        It is worse if it has a worse state, if it overlaps for certain and did not, or if its
+        overlap is certainly more than `MUCH` times as deep.
 
         Args:
-            state: of the pair now, one of `order.KINDS`; empty: not known.
-            upper: its upper bound now, metres; NaN: not known.
+            state: the pair's state now, one of `order.KINDS`; empty: not known.
+            upper: the pair's upper bound now, metres; NaN: not known.
         """
         if self.status == NEW or self.state not in KINDS or state not in KINDS or state == "stale":
             return False
@@ -80,22 +81,22 @@ class Decision(NamedTuple):
 
 
 Decisions = dict[frozenset[str], Decision]
-"""By the names of both parts, in any order."""
+"""Decisions by the names of both parts, in any order."""
 
 Unsaved = Mapping[frozenset[str], tuple[PairName, Decision]]
 
 
 def place(scene: SceneInfo, given: str) -> tuple[Path | None, str]:
-    """Return where the decisions of a scene are kept, or None and why there is no place.
+    """Return the file for the decisions of a scene, or None and why there is no place for it.
 
     Args:
-        scene: its file may be on another machine.
-        given: the path that a person chose; empty: beside the scene's file or, because bundled
-            scenes belong to the package, in the person's own folder of data.
+        scene: the scene; its file may be on another machine.
+        given: the path that a person chose. If empty, the place is beside the scene's file. Bundled
+            scenes belong to the package, so theirs is in the person's own data folder.
     """
     try:
         return _place(scene, given)
-    except (OSError, RuntimeError) as error:  # a folder that may not be read, or a circle of links
+    except (OSError, RuntimeError) as error:  # an unreadable folder, or a loop of symbolic links
         return None, f"{given or scene.path}: {error}. {_FORGOTTEN}"
 
 
@@ -112,10 +113,10 @@ def _place(scene: SceneInfo, given: str) -> tuple[Path | None, str]:
 
 
 def read(path: Path) -> dict[str, Any]:
-    """Return the content of a file, checked; if there is none, that of an empty one.
+    """Return the checked content of a file; if there is no file, the content of an empty one.
 
     Raises:
-        OSError, ValueError: it cannot be read, or is none of ours.
+        OSError, ValueError: the file cannot be read, or is not a file of decisions.
     """
     try:
         with path.open("rb") as file:
@@ -164,7 +165,7 @@ def decisions(told: Mapping[str, Any]) -> Decisions:
 
 
 def merged(told: Mapping[str, Any], unsaved: Unsaved, scene: str) -> dict[str, Any]:
-    """Return a file's content with decisions put in; what else it has stays."""
+    """Return a file's content with the unsaved decisions put in; its other content stays."""
     kept, before = [], {}
     for entry in told["conflicts"]:
         key = frozenset((entry["a"], entry["b"]))
@@ -184,10 +185,10 @@ def merged(told: Mapping[str, Any], unsaved: Unsaved, scene: str) -> dict[str, A
 
 @contextmanager
 def alone(path: Path) -> Iterator[None]:
-    """Keep other displays from the folder of a file, so that none writes between read and write.
+    """Lock the folder of a file, so that no other display writes between our read and write.
 
     Raises:
-        OSError: another has it now, or there can be no such folder.
+        OSError: another display holds the lock, or the folder cannot be made.
     """
     folder = path.resolve().parent
     folder.mkdir(parents=True, exist_ok=True)
@@ -206,14 +207,14 @@ def alone(path: Path) -> Iterator[None]:
 
 
 def write(path: Path, told: Mapping[str, Any]) -> None:
-    """Replace a file as a whole: who reads meanwhile, or after a crash, finds one or the other.
+    """Replace a file in one step: a reader, also after a crash, finds the old or the new content.
 
-    Its permissions stay.
+    The file keeps its permissions.
 
     Raises:
-        OSError: it cannot be written; then it is as it was.
+        OSError: it cannot be written; then it is unchanged.
     """
-    path = path.resolve()  # a link stays one
+    path = path.resolve()  # a symbolic link stays a link
     beside = path.with_name(f".{path.name}.{os.getpid()}")
     try:
         with beside.open("w", encoding="utf-8") as file:

@@ -1,4 +1,4 @@
-"""A drag by the gizmo. Its events come in the server's thread, ticks in that of the page."""
+"""A drag with the gizmo. The server's thread brings its events, the page's thread brings ticks."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from proximity_monitor.display.state import Frame, SceneInfo
 
 
 class Room(NamedTuple):
-    """What says how far a part may be moved."""
+    """The data that limit how far a part may be moved."""
 
     frame: Frame
     """The newest tick."""
@@ -25,54 +25,54 @@ class Room(NamedTuple):
 
 
 class Drag:
-    """One at a time; it stays with its body, whatever is chosen meanwhile."""
+    """At most one drag at a time; it stays with its body, whatever is chosen meanwhile."""
 
     def __init__(self, hand: Hand, fine: Fine) -> None:
-        """Begin without a drag of this hand, which `fine` gears."""
+        """Begin without a drag by this hand; `fine` gears its drags."""
         self._hand = hand
         self._fine = fine
-        self._lock = threading.Lock()  # else an older target could be the last to arrive
+        self._lock = threading.Lock()  # without it, an older target could arrive last
         self._name: str | None = None
         self._target: np.ndarray | None = None
 
     @property
     def body(self) -> str | None:
-        """The body that is dragged."""
+        """The body that is dragged; None: no drag is on."""
         return self._name
 
     def begin(self, name: str, pose: np.ndarray, handles: np.ndarray, centre: np.ndarray) -> None:
-        """Take a body, if the hand may.
+        """Begin a drag of a body, if the hand may take the body.
 
         Args:
-            name: of the body.
-            pose: (7,) where it is, metres.
-            handles: (7,) where the handles are.
-            centre: (3,) where they grip it, in its own frame.
+            name: the body's name.
+            pose: (7,) its present pose, metres.
+            handles: (7,) the pose of the handles.
+            centre: (3,) the point at which the handles grip the body, in its own frame.
         """
         with self._lock:
             self._name = name if self._hand.take(name, pose) else None
             self._fine.grip(moved(pose, centre), handles)
 
     def follow(self, handles: np.ndarray, centre: np.ndarray) -> None:
-        """Let the hand want the body where the handles are now; see `begin`."""
+        """Set the target of the drag from the handles' present pose; see `begin`."""
         with self._lock:
             if self._name is not None:
                 self._target = moved(self._fine.followed(handles), -centre)
 
     def end(self) -> None:
-        """Leave the body where it is."""
+        """End the drag; the body stays where it is."""
         with self._lock:
             self._name = self._target = None
 
     def advance(self, room: Room | None, where: str) -> tuple[str, np.ndarray] | None:
-        """Move the body towards where the hand wants it, as far as it may.
+        """Move the dragged body towards its target, as far as it may.
 
         Args:
-            room: None: nothing is known.
-            where: drags stop; one of `guard`'s words.
+            room: the data that limit the motion; None: nothing is known.
+            where: where drags stop; one of `guard`'s words.
 
         Returns:
-            The body and its pose (7,), if it was moved.
+            The body and its new pose (7,); None if it was not moved.
         """
         with self._lock:
             name, target = self._name, self._target
@@ -82,7 +82,7 @@ class Drag:
                 target = self._guarded(name, target, room, where)
             if target is None:
                 return None
-            if not self._hand.move(name, target):  # it is in this hand no longer
+            if not self._hand.move(name, target):  # the hand no longer holds the body
                 self._name = self._target = None
                 return None
             return name, target

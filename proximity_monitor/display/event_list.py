@@ -1,4 +1,4 @@
-"""The list of events on one page; a press goes to the moment."""
+"""The list of events on one page; a press looks back at the event's moment."""
 
 from __future__ import annotations
 
@@ -20,25 +20,25 @@ from proximity_monitor.display.shared import Shared
 from proximity_monitor.display.state import SceneInfo
 
 TURN = "events-from"
-"""The word with which a page of the list is asked for."""
+"""The word that a press sends to turn to another page of the list."""
 
 EVERY_S = 0.3
 """Seconds between two updates of the list."""
 
 
 class EventList:
-    """The list, and the button that begins the smallest clearances anew."""
+    """The list, and the button that forgets the smallest clearances."""
 
     def __init__(
         self, gui: viser.GuiApi, shared: Shared, choice: Choice, picture: EventPicture
     ) -> None:
-        """Add both at this place of the GUI, with the picture of the pressed event between."""
+        """Add both at the current place of the GUI; the pressed event's picture comes between."""
         self._events = shared.events
         self._session = shared.session
         self._conflicts = shared.conflicts
         self._choice = choice
         self._due_s = 0.0
-        self._newest: int | None = None  # that the page has; None: it follows the session
+        self._newest: int | None = None  # first event on the page; None: always the newest
         self._reset_here = False
         button = gui.add_button(
             "Forget the smallest clearances", icon=viser.Icon.ERASER,
@@ -66,14 +66,14 @@ class EventList:
             self._reset.content = f'<div class="pm pm-small" id="pm-reset">{told}</div>'
 
     def go(self, number: str) -> None:
-        """Look back at an event's moment, at its pair."""
+        """Look back at the moment and the pair of an event, given by its number."""
         event = self._events.at(int(number)) if number.isdecimal() else None
         if event is not None:
             self._choice.look_back(event.pair, event.stamp_s, event.then)
             self._picture.choose(event)
 
     def turn(self, newest: str) -> None:
-        """Show the page that begins with an event, by its number; none: that of the newest."""
+        """Show the page that begins with an event, given by its number; empty: with the newest."""
         self._newest, self._due_s = int(newest) if newest.isdecimal() else None, 0.0
 
     def _html(self, scene: SceneInfo) -> str:
@@ -90,7 +90,7 @@ class EventList:
             for event in listed[page]
         )
 
-        def mark(first: int) -> str:  # more events may come before the page is turned
+        def mark(first: int) -> str:  # a number stays right if more events come meanwhile
             return str(listed[first].number) if first else ""
 
         lost = self._events.lost

@@ -1,7 +1,7 @@
 """The picture of the pressed event.
 
-No browser may have looked when it happened. So the browser that presses it draws it from the poses
-that were kept, and then all browsers have it.
+No browser may have shown the pair when the event happened. So the browser in which the event is
+pressed draws the picture from the stored poses. From then on all browsers have it.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from proximity_monitor.display.state import SceneInfo
 
 
 class EventPicture:
-    """Takes it while the page looks back at the event, and shows it."""
+    """Takes the picture while the page looks back at the event, and shows it."""
 
     def __init__(
         self,
@@ -35,9 +35,9 @@ class EventPicture:
         """Begin without an event.
 
         Args:
-            events: keep the pictures.
-            choice: the moment that the page shows.
-            portraits: takes them.
+            events: stores the pictures.
+            choice: holds the moment that the page shows.
+            portraits: takes the pictures.
             parts: returns the page's parts.
         """
         self._events = events
@@ -45,13 +45,13 @@ class EventPicture:
         self._portraits = portraits
         self._parts = parts
         self._event: Event | None = None
-        self._tried: Event | None = None  # whose picture is being taken, or cannot be
+        self._tried: Event | None = None  # the event whose picture is being taken or has failed
         self._problem = ""
         self._busy = False
         self._told: tuple = ()
 
     def add(self, gui: viser.GuiApi) -> None:
-        """Add the picture at this place of the GUI."""
+        """Add the picture at the current place of the GUI."""
         self._html = gui.add_html("")
 
     def choose(self, event: Event) -> None:
@@ -59,15 +59,15 @@ class EventPicture:
         self._tried, self._event = None, event
 
     def show(self, scene: SceneInfo, start_s: float) -> None:
-        """Have the picture taken if there is none yet, and show it; comes in each step.
+        """Show the event's picture, and have it taken if there is none. Call this in each step.
 
         Args:
-            scene: of the session.
-            start_s: stamp of the session's begin.
+            scene: the scene of the session.
+            start_s: stamp of the session's beginning.
         """
         event = self._event
         if event is not None and self._events.at(event.number) is not event:
-            event = self._event = None  # of a session that has ended, or too old
+            event = self._event = None  # its session has ended, or it is no longer kept
         picture = None if event is None else self._events.pictures.get(event.number)
         if event is not None and picture is None and not self._busy and self._tried is not event:
             self._begin(event)
@@ -77,7 +77,7 @@ class EventPicture:
             self._html.content = "" if event is None else _figure(*told)
 
     def _begin(self, event: Event) -> None:
-        """Let a thread take the picture, which waits for the page's steps and for the browser."""
+        """Start a thread that takes the picture; it waits for the page's steps and the browser."""
         looks = (self._choice.at_s, self._choice.pair) == (event.stamp_s, event.pair)
         if event.sight is not None and looks:
             self._busy, self._tried, self._problem = True, event, ""
@@ -87,13 +87,13 @@ class EventPicture:
         try:
             image = self._portraits.take(event.sight.frame(event.pair), event.pair, parts)
             self._events.keep(event, png(image))
-        except Exception as error:  # whatever a browser does is told where the picture would be
+        except Exception as error:  # any failure of a browser is told in place of the picture
             self._problem = f"There is no picture: {type(error).__name__}: {error}"
         finally:
             self._busy = False
 
     def _line(self, event: Event | None) -> str:
-        """Return why there is no picture; empty: there is one, or there will be."""
+        """Return why there is no picture; empty if there is one or will be one."""
         if event is None:
             return ""
         if event.sight is None:

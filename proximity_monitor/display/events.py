@@ -15,62 +15,63 @@ from proximity_monitor.display.state import Frame, Pairs, SceneInfo
 from proximity_monitor.display.unlisted import sign_of
 
 MOST = 2000
-"""How many events are kept; beyond it the oldest go."""
+"""How many events are kept; beyond this number the oldest are dropped."""
 
 BYTES = 64_000_000
-"""Bytes that their poses may take at most, so of many bodies fewer are kept."""
+"""Maximum bytes for their poses. In a scene of many bodies fewer events are kept."""
 
 PICTURES = 100
-"""Of how many events the pictures are kept; beyond it those that were taken first go."""
+"""How many events keep their pictures; beyond this number the pictures taken first are dropped."""
 
 
 class Event(NamedTuple):
     """A change of a pair's state."""
 
     number: int
-    """Of the display, from 0: no later session has it again, so an old page means no other."""
+    """Counts from 0 while the display runs, across sessions. So a number on an old page never means
+    another event."""
     stamp_s: float
     pair: PairName
     before: Sign
     after: Sign
     clearance: str
     then: Snapshot | None
-    """The pair then; None: it was not listed."""
+    """The pair at that tick; None: the tick did not list it."""
 
     @property
     def lower(self) -> float:
-        """Metres, as is `upper`; NaN: not listed, or without a pose."""
+        """Metres, as `upper` is; NaN: the pair was not listed or had no pose."""
         return math.nan if self.then is None else self.then.lower
 
     @property
     def upper(self) -> float:
-        """The other bound."""
+        """The upper bound; see `lower`."""
         return math.nan if self.then is None else self.then.upper
 
     @property
     def sight(self) -> Snapshot | None:
-        """What a picture of it shows; None: the pair's closest points are not known."""
+        """The pair for a picture of the event; None: its closest points are not known."""
         known = self.then is not None and not np.isnan(self.then.points).any()
         return self.then if known else None
 
 
 class Events:
-    """Those of the session, for all browsers."""
+    """The events of the session, for all browsers."""
 
     def __init__(self) -> None:
         """Begin without events."""
         self._last: Frame | None = None
-        self._unknown: dict[PairName, Sign] = {}  # not listed, and not known to be clear
+        self._unknown: dict[PairName, Sign] = {}  # signs of pairs not listed, perhaps not clear
         self._count = self._first = 0
         self.all: list[Event] = []
         """The oldest first."""
         self.lost = 0
-        """How many of the session's oldest were dropped."""
+        """How many of the session's oldest events were dropped."""
         self.pictures: Mapping[int, bytes] = {}
-        """PNG files of events, by their numbers: those that browsers have taken."""
+        """PNG files of events by their numbers, as far as browsers have taken them."""
 
     def clear(self) -> None:
-        """Begin anew."""
+        """Drop all events and begin again."""
         self._last = None
         self._unknown = {}
         self.all = []
@@ -78,7 +79,7 @@ class Events:
         self.pictures = {}
 
     def note(self, frame: Frame, scene: SceneInfo) -> bool:
-        """Note what changed since the tick before; return whether anything did."""
+        """Note the changes since the previous tick; return whether there were any."""
         before, self._last = self._last, frame
         if before is None:
             return False
@@ -104,14 +105,17 @@ class Events:
         return self.all[i] if 0 <= i < len(self.all) else None
 
     def keep(self, event: Event, picture: bytes) -> None:
-        """Keep a picture of an event that is still known. Any thread may call."""
+        """Keep the picture of an event, if the event is still kept. Any thread may call this."""
         if self.at(event.number) is event:
             kept = [*self.pictures.items(), (event.number, picture)]
             self.pictures = dict(kept[-PICTURES:])
 
 
 def _changed(before: Pairs, after: Pairs, scene: SceneInfo) -> list[PairName]:
-    """Return the pairs whose state may have changed; those that come and are clear were so."""
+    """Return the pairs whose state may have changed.
+
+    A pair that is clear when it is first listed has not changed: it was clear, beyond its range.
+    """
     if before.names == after.names:
         differ = _differ(before, after, scene, slice(None), slice(None))
         return [after.names[i] for i in np.flatnonzero(differ)]
@@ -134,7 +138,7 @@ def _unclear(pairs: Pairs) -> np.ndarray:
 def _differ(
     before: Pairs, after: Pairs, scene: SceneInfo, now: np.ndarray | slice, was: np.ndarray | slice
 ) -> np.ndarray:
-    """Return whether what decides on a sign differs between rows of two ticks."""
+    """Return whether anything that determines the sign differs between rows of two ticks."""
     same = (before.level[was] == after.level[now]) & (before.status[was] == after.status[now])
     same &= before.touching[was] == after.touching[now]
     return ~same | (all_unproved(before, scene)[was] != all_unproved(after, scene)[now])

@@ -17,7 +17,7 @@ from proximity_monitor.display.signs import sign
 from proximity_monitor.display.state import LEVELS, STATUSES, Frame, SceneInfo
 
 DECIDED = ("decided", "comment")
-"""What people decided about a pair, in each of the tables."""
+"""The columns of a person's decision about a pair, in each of the tables."""
 
 
 def pairs_csv(frame: Frame, scene: SceneInfo, session: Session, decisions: Decisions) -> str:
@@ -69,7 +69,7 @@ def pairs_csv(frame: Frame, scene: SceneInfo, session: Session, decisions: Decis
 
 
 def series_csv(session: Session, scene: SceneInfo) -> str:
-    """Return the session as CSV: a row a tick and pair, lengths in the scene's unit."""
+    """Return the session as CSV: one row for each tick and pair, lengths in the scene's unit."""
     unit = scene.unit
     head = ["stamp [s]", "a", "b", f"lower [{unit.symbol}]", f"upper [{unit.symbol}]", "state"]
     rows = (
@@ -88,7 +88,7 @@ def series_csv(session: Session, scene: SceneInfo) -> str:
 
 
 def events_csv(events: Events, session: Session, scene: SceneInfo, decisions: Decisions) -> str:
-    """Return the session's changes of state: a row each, the oldest first."""
+    """Return the session's changes of state as CSV, one row each, the oldest first."""
     start, unit = session.span_s[0], scene.unit
     rows = (
         [
@@ -115,9 +115,9 @@ def _decided(decisions: Decisions, pair: PairName) -> tuple[str, str]:
 
 
 def csv_of(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
-    """Return a table as CSV (RFC 4180), whatever the texts in it are."""
+    """Return a table as CSV (RFC 4180), whatever characters its texts have."""
     out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\r\n")  # what is in it is quoted in texts
+    writer = csv.writer(out, lineterminator="\r\n")  # texts with these are quoted
     writer.writerow(head)
     writer.writerows(rows)
     return out.getvalue()

@@ -1,4 +1,4 @@
-"""Fine motion: geared drags, snapping to steps, and steps at a press."""
+"""Fine motion: geared drags, drags that snap to steps, and single steps by buttons."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ TURNS = tuple(f"{sign}R{axis}" for axis in "XYZ" for sign in "-+")
 
 
 class Fine:
-    """The panel of fine motion."""
+    """The panel for fine motion."""
 
     def __init__(self, gui: viser.GuiApi, on_step: Callable[[np.ndarray, np.ndarray], None]):
-        """Add it at this place of the GUI.
+        """Add the panel at the current place of the GUI.
 
         Args:
-            gui: takes it.
+            gui: takes the panel.
             on_step: gets a shift (3,) in metres and a rotation vector (3,), in the part's frame.
         """
         self._unit = Unit("m", 1.0)
@@ -44,8 +44,8 @@ class Fine:
             self._turn = gui.add_number("Turn step [deg]", 1.0, min=0.0, max=90.0)
             shifts = gui.add_button_group("Step by", SHIFTS)
             turns = gui.add_button_group("Turn by", TURNS)
-        self._start = self._hand = IDENTITY  # the part's pose, and where the hand was last
-        self._shift, self._turned = np.zeros(3), np.zeros(3)  # of the drag so far
+        self._start = self._hand = IDENTITY  # the part's pose at first; the hand's last pose
+        self._shift, self._turned = np.zeros(3), np.zeros(3)  # sums over the drag so far
         key = gui.add_command("Finer drags", hotkey="F")
 
         @shifts.on_click
@@ -63,7 +63,7 @@ class Fine:
             self._gear.value = GEARS[(GEARS.index(self._gear.value) + 1) % len(GEARS)]
 
     def begin(self, unit: Unit) -> None:
-        """Take the unit of a scene; steps go down to the last shown digit."""
+        """Take the unit of a scene; the smallest step is one of the last shown digit."""
         digits = DECIMALS.get(unit.symbol, 4)
         self._unit = unit
         self._step.label = f"Step [{unit.symbol}]"
@@ -74,18 +74,18 @@ class Fine:
         return self._step.value * self._unit.to_metre, np.radians(self._turn.value)
 
     def grip(self, start: np.ndarray, hand: np.ndarray) -> None:
-        """Begin a drag of what is at a pose (7,), with the handles at another; metres."""
+        """Begin a drag of a part at a pose (7,), metres, with the handles at the pose `hand`."""
         self._start, self._hand = start, hand
         self._shift, self._turned = np.zeros(3), np.zeros(3)
 
     def followed(self, hand: np.ndarray) -> np.ndarray:
-        """Return where a drag takes a part: its pose (7,) for where the hand has the handles.
+        """Return the pose (7,) to which a drag takes a part, from the pose of the handles.
 
-        Each move of the hand counts by the gear of its own time. A drag turns about one axis, so
-        that turns add up, beyond half a turn as well.
+        Each move of the hand is scaled by the gear that was set at the time. A drag turns about one
+        axis, so its turns add up as rotation vectors, also beyond half a turn.
 
         Args:
-            hand: the handles' pose (7,) now; metres.
+            hand: (7,) present pose of the handles, metres.
         """
         gear, before, self._hand = 10.0 ** -GEARS.index(self._gear.value), self._hand, hand
         self._shift += gear * rotate(conjugate(self._start[3:]), hand[:3] - before[:3])
@@ -101,6 +101,6 @@ class Fine:
 
 
 def stepped(pose: np.ndarray, shift: np.ndarray, turn: np.ndarray) -> np.ndarray:
-    """Return a pose (7,) after a shift (3,) and a rotation vector (3,) in its own frame."""
+    """Return a pose (7,) shifted by (3,) and turned by a rotation vector (3,), in its own frame."""
     place = pose[:3] + rotate(pose[3:], shift)
     return np.concatenate((place, multiply(pose[3:], from_rotation_vector(turn))))

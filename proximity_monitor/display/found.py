@@ -1,4 +1,4 @@
-"""The conflicts of a session: the pairs that were not clear, and those decided about."""
+"""The conflicts of a session: pairs that were not clear, and pairs that have a decision."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from proximity_monitor.display.snapshot import Snapshot
 from proximity_monitor.display.state import SceneInfo
 
 CLOCK_S = 1e9
-"""Stamps beyond it are of a clock on the wall, others those of a simulation."""
+"""Seconds; larger stamps are those of a wall clock, smaller ones those of a simulation."""
 
 
 class Conflict(NamedTuple):
@@ -27,16 +27,16 @@ class Conflict(NamedTuple):
 
     pair: PairName
     state: str
-    """The worst of the session, one of `order.KINDS`."""
+    """The worst state in the session, one of `order.KINDS`."""
     worst: Snapshot | None
-    """Its smallest clearance; None: it never had one."""
+    """The pair at its smallest clearance; None: no clearance was ever known."""
     decision: Decision
     events: Sequence[Event]
-    """The oldest first."""
+    """The pair's changes of state, the oldest first."""
 
     @property
     def least(self) -> float:
-        """The smallest upper bound in metres; NaN: none is known."""
+        """The smallest upper bound in metres; NaN: not known."""
         return math.nan if self.worst is None else self.worst.upper
 
     def sign(self, scene: SceneInfo) -> Sign:
@@ -44,29 +44,30 @@ class Conflict(NamedTuple):
         found = [event.after for event in self.events]
         if self.worst is not None:
             found.append(sign(self.worst.frame(self.pair).pairs, 0, scene))
-        # What had that state for a moment that is not kept never was as near as the limit for sure.
+        # If no kept moment has that state, no bounds prove that the pair reached the limit. Then
+        # take the mildest sign of the state.
         like = [each for each in SIGNS if each.kind == self.state]
         return next((each for each in like if each in found), like[-1])
 
 
 class Found(NamedTuple):
-    """A conflict, with what its place in a list depends on."""
+    """A conflict, with the values that decide its place in a list."""
 
     pair: PairName
     kind: int
-    """The worst state of the session, a place in `order.KINDS`."""
+    """The worst state in the session, as a place in `order.KINDS`."""
     least: float
-    """The smallest upper bound in metres; infinite: none is known."""
+    """The smallest upper bound in metres; infinite: not known."""
 
 
 def find(scene: SceneInfo, session: Session, events: Events, decisions: Decisions) -> list[Found]:
-    """Return the conflicts, the worst state first and then the smallest clearance.
+    """Return the conflicts, sorted by the worst state, then by the smallest clearance.
 
     Args:
-        scene: a decision about parts that are not in it is left out.
-        session: the states and the smallest clearances.
-        events: the changes of state that are still known.
-        decisions: what people decided.
+        scene: decisions about parts that the scene does not have are left out.
+        session: has the states and the smallest clearances.
+        events: the changes of state that are still kept.
+        decisions: people's decisions.
     """
     found = {pair: (kind, least) for pair, kind, least in session.conflicts()}
 
@@ -79,7 +80,7 @@ def find(scene: SceneInfo, session: Session, events: Events, decisions: Decision
 
     for event in events.all:
         kind = KINDS.index(event.after.kind)
-        if kind < STALE_KIND:  # what is stale is no conflict: nothing is known
+        if kind < STALE_KIND:  # a stale pair is no conflict, because nothing is known about it
             note(event.pair, kind)
     for pair in _decided(scene, decisions):
         note(pair[::-1] if session.knows(pair[::-1]) else pair, CLEAR_KIND)
@@ -87,7 +88,7 @@ def find(scene: SceneInfo, session: Session, events: Events, decisions: Decision
 
 
 def _decided(scene: SceneInfo, decisions: Decisions) -> list[PairName]:
-    """Return the pairs of a scene that somebody decided about, their parts in its order."""
+    """Return the pairs of a scene that have a decision, the parts of each in the scene's order."""
     places = {name: place for place, name in enumerate(scene.names)}
     both = (sorted(key, key=places.get) for key in decisions if key <= places.keys())
     return [(pair[0], pair[1]) for pair in both if len(pair) == 2]
@@ -96,7 +97,7 @@ def _decided(scene: SceneInfo, decisions: Decisions) -> list[PairName]:
 def conflicts(
     found: Iterable[Found], session: Session, events: Events, decisions: Decisions
 ) -> list[Conflict]:
-    """Return all about some conflicts, in their order; for the rest see `find`."""
+    """Return the details of the conflicts in `found`, in the same order; arguments as in `find`."""
     of_pair: dict[PairName, list[Event]] = defaultdict(list)
     for event in events.all:
         of_pair[event.pair].append(event)
@@ -111,7 +112,7 @@ def conflicts(
 
 
 def moment(stamp_s: float, start_s: float) -> str:
-    """Return a moment of the session for people, by the wall's clock too where stamps are of it."""
+    """Return a moment of the session for people, with the wall clock's time if stamps are of it."""
     text = f"{stamp_s - start_s:.2f} s"
     if stamp_s < CLOCK_S:
         return text

@@ -1,10 +1,10 @@
-"""News grows old in the browser itself.
+"""What a page shows grows old in the browser itself, without any script.
 
-What a browser shows is old until its first tick. Each tick that is shown restarts an animation of
-the style sheet, which ends when the next tick is overdue. Then all colours of states turn grey,
-words and glyphs change, and a veil lies over the window. So nothing here has to be alive for that:
-neither the monitor nor the display, and no script runs. The animation does nothing before its end,
-because one that runs lets a browser compute the style of the page anew for each frame.
+A page is old until its first tick. Each new tick restarts a CSS animation that ends when the next
+tick is overdue. At its end all colours of states turn grey, words and glyphs change, and stripes
+lie over the window. So this works even if the monitor and the display have died. The animation
+changes nothing before its end, because a browser would compute the page's style for each frame of
+an animation that does.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from proximity_monitor.display.state import Frame, SceneInfo
 
 LATE_TICKS = 5.0
 LATE_S = 1.0
-"""Without a tick for so many periods, and at least so many seconds, what is shown is old."""
+"""Without a tick for this many periods, and at least this many seconds, the page is old."""
 
 GREEN, GREY = "#009e73", "#7a7a85"
 
 
 def fading(colour: str) -> str:
-    """Return a colour of the style sheet that is grey once the news is old."""
+    """Return a colour for the style sheet that turns grey when the news is old."""
     return f"var(--pm-old, {colour})"
 
 
@@ -29,7 +29,7 @@ _OLD = (
     f"--pm-old: {GREY}; --pm-now: none; --pm-then: inline; --pm-veil: block; --pm-faint: .55;"
     " --pm-drained: grayscale(1) opacity(.6)"
 )
-# Without a beat, as in a replay, all of it is fresh.
+# In a page without a `Beat`, such as a replay, everything stays fresh.
 STYLE = f"""
 @keyframes pm-old-0 {{ to {{ {_OLD} }} }}
 @keyframes pm-old-1 {{ to {{ {_OLD} }} }}
@@ -53,21 +53,21 @@ def patience_s(scene: SceneInfo | None) -> float:
 
 
 def aging(now: str, then: str) -> str:
-    """Return HTML that reads otherwise once the news is old."""
+    """Return HTML that reads `now` while the news is fresh and `then` once it is old."""
     return f"<span class=pm-now>{now}</span><span class=pm-then>{then}</span>"
 
 
 class Beat:
-    """The animation, which every tick restarts by another name."""
+    """The animation. Every tick restarts it by giving it another name."""
 
     def __init__(self, gui: viser.GuiApi) -> None:
-        """Add it to a page, which is old before its first tick."""
+        """Add the animation to a page; the page is old before its first tick."""
         self._html = gui.add_html(_rule(_OLD))
         self._frame: Frame | None = None
         self._turn = 0
 
     def show(self, frame: Frame, left_s: float) -> None:
-        """Restart it if this is another tick, which is good for so many seconds."""
+        """Restart the animation if the tick is a new one; in `left_s` seconds it will be old."""
         if frame is self._frame or left_s <= 0.0:
             return
         self._frame, self._turn = frame, 1 - self._turn

@@ -1,4 +1,4 @@
-"""Rigid motions as the page needs them: poses (7,) of x y z and quaternion w x y z."""
+"""Rigid motions for the page. Poses (7,) are x y z and the quaternion w x y z."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ import math
 import numpy as np
 
 SHARP = 30.0
-"""Degrees between the normals of two triangles, from which on their edge is sharp."""
+"""Degrees between the normals of two triangles; beyond this angle their edge is sharp."""
 
 SMOOTH = 10.0
-"""Degrees between a surface's own normals at one place, up to which it is smooth there."""
+"""Degrees between a surface's own normals at one place; up to this angle it is smooth there."""
 
 LOCKED = 1e-9
-"""Radians from a pitch of 90 degrees, below which nobody sees about which axis a part rolls."""
+"""Within this many radians of a pitch of 90 degrees, roll and yaw cannot be told apart."""
 
 IDENTITY = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
 
 
 def rotate(quaternion: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Turn points (..., 3) by a unit quaternion w x y z, or each by its own, (..., 4)."""
+    """Rotate points (..., 3) by a unit quaternion w x y z, or each by its own, (..., 4)."""
     w, axis = quaternion[..., :1], quaternion[..., 1:]
     twice = 2.0 * np.cross(axis, points)
     return points + w * twice + np.cross(axis, twice)
@@ -46,12 +46,12 @@ def from_degrees(roll: float, pitch: float, yaw: float) -> np.ndarray:
 
 
 def to_degrees(quaternion: np.ndarray) -> tuple[float, float, float]:
-    """Return roll, pitch and yaw, in degrees; pitch within -90 to 90, the others to 180.
+    """Return roll, pitch and yaw in degrees: pitch within -90 to 90, the others within -180 to 180.
 
-    At a pitch of 90 or -90 degrees they all turn about one axis, and yaw is 0.
+    At a pitch of 90 or -90 degrees, roll and yaw turn about the same axis, and yaw is 0.
     """
     w, x, y, z = quaternion.tolist()
-    # Half the sum of roll and yaw, half their difference, and how well each of them is known.
+    # Half the sum and half the difference of roll and yaw, and how well each is determined.
     half_sum, sum_known = math.atan2(x + z, w - y), math.hypot(x + z, w - y)
     half_less, less_known = math.atan2(x - z, w + y), math.hypot(x - z, w + y)
     if sum_known < LOCKED:
@@ -64,13 +64,13 @@ def to_degrees(quaternion: np.ndarray) -> tuple[float, float, float]:
 
 
 def shared(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Let triangles share corners that are equal: a viewer computes each of them but once.
+    """Make triangles share equal corners, so that a viewer computes each corner only once.
 
     Args:
         corners: (3n, 3) of the triangles.
 
     Returns:
-        (k,) the first corner at each place; (n, 3) which of these each triangle has.
+        (k,) the row of the first corner at each place; (n, 3) the places of each triangle.
     """
     rows = np.ascontiguousarray(corners + 0.0)  # -0.0 has other bytes than 0.0
     whole = rows.view(np.dtype((np.void, rows.itemsize * 3))).reshape(-1)
@@ -79,7 +79,7 @@ def shared(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def face_normals(corners: np.ndarray) -> np.ndarray:
-    """Return the unit normals (n, 3) of triangles with corners (3n, 3); 0 where there is none."""
+    """Return the unit normals (n, 3) of triangles with corners (3n, 3); 0 if degenerate."""
     normals = np.cross(corners[1::3] - corners[::3], corners[2::3] - corners[::3])
     return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
 
@@ -89,7 +89,7 @@ def feature_edges(corners: np.ndarray, degrees: float = SHARP) -> np.ndarray:
 
     Args:
         corners: (3n, 3) of the triangles.
-        degrees: between the normals of the two triangles of a sharp edge.
+        degrees: minimum angle between the normals of the two triangles at a sharp edge.
     """
     first, faces = shared(np.round(corners, 9))
     points = corners[first]
@@ -110,24 +110,24 @@ def feature_edges(corners: np.ndarray, degrees: float = SHARP) -> np.ndarray:
 def smoothed(
     corners: np.ndarray, normals: np.ndarray, degrees: float = SMOOTH
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Let triangles share the corners where their surface is smooth.
+    """Make triangles share corners where their surface is smooth.
 
-    A viewer makes a normal for each corner from the triangles that share it. So corners at one
-    place are one where the surface's own normals agree, and creases stay sharp.
+    A viewer computes the normal at a corner from the triangles that share it. So corners at one
+    place are merged if the surface's own normals agree there, and creases stay sharp.
 
     Args:
         corners: (3n, 3) of the triangles.
         normals: (3n, 3) unit normals of the surface there; 0 where it has none.
-        degrees: between normals that agree.
+        degrees: largest angle between normals that agree.
 
     Returns:
-        (k, 3) corners; (n, 3) which of them each triangle has.
+        (k, 3) corners; (n, 3) the rows of the corners of each triangle.
     """
     place = shared(np.round(corners, 9))[1].reshape(-1)
     index, left, first_free = np.empty(len(corners), np.int64), np.arange(len(corners)), 0
     chosen = []
     while len(left):
-        # Of each place the first corner that is left, and all that agree with it.
+        # At each place, take the first corner that is left and all corners that agree with it.
         at, first, which = np.unique(place[left], return_index=True, return_inverse=True)
         first = left[first]
         agree = np.einsum("ij,ij->i", normals[left], normals[first][which])
@@ -140,9 +140,9 @@ def smoothed(
 
 
 def borders(faces: np.ndarray) -> np.ndarray:
-    """Return the edges (m, 2) of triangles (n, 3), given by their corners, that one alone has.
+    """Return the edges (m, 2) that only one of the triangles (n, 3) has, as pairs of corners.
 
-    A triangle of which two corners are one has no edges: it is where an edge of a patch is a point.
+    A triangle with two equal corners has no edges: there an edge of a patch shrinks to a point.
     """
     a, b, c = faces.T
     faces = faces[(a != b) & (b != c) & (c != a)]
@@ -152,7 +152,7 @@ def borders(faces: np.ndarray) -> np.ndarray:
 
 
 def multiply(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Return the product of two quaternions: the turn by the second, then by the first."""
+    """Return the product of two quaternions: a turn by the second, then by the first."""
     (w, x), (v, y) = (first[0], first[1:]), (second[0], second[1:])
     return np.concatenate(([w * v - x @ y], w * y + v * x + np.cross(x, y)))
 
@@ -163,7 +163,7 @@ def conjugate(quaternion: np.ndarray) -> np.ndarray:
 
 
 def to_rotation_vector(quaternion: np.ndarray) -> np.ndarray:
-    """Return the axis (3,) of a unit quaternion's turn, as long as its angle within 0 to pi."""
+    """Return the rotation vector (3,) of a unit quaternion; its length is the angle, 0 to pi."""
     w, axis = quaternion[0], quaternion[1:]
     sine = float(np.linalg.norm(axis))
     if sine == 0.0:
@@ -173,14 +173,14 @@ def to_rotation_vector(quaternion: np.ndarray) -> np.ndarray:
 
 
 def from_rotation_vector(vector: np.ndarray) -> np.ndarray:
-    """Return the unit quaternion of a turn about an axis (3,), as long as the angle."""
+    """Return the unit quaternion of a rotation vector (3,), whose length is the angle."""
     angle = float(np.linalg.norm(vector))
     half = 0.5 * np.sinc(angle / (2.0 * math.pi))  # sin(angle / 2) / angle
     return np.concatenate(([math.cos(angle / 2.0)], half * vector))
 
 
 def between(first: np.ndarray, second: np.ndarray, share: float) -> np.ndarray:
-    """Return the pose (7,) at a share, 0 to 1, of the way from one pose to another."""
+    """Return the pose (7,) at a share, 0 to 1, of the way from one pose to the other."""
     turn = to_rotation_vector(multiply(conjugate(first[3:]), second[3:]))
     place = first[:3] + share * (second[:3] - first[:3])
     return np.concatenate((place, multiply(first[3:], from_rotation_vector(share * turn))))

@@ -1,9 +1,9 @@
-"""A drag that ends where a clearance may end: at `stop`, or at contact.
+"""A drag that stops at a limit of the clearance: at `stop`, or at contact.
 
-A clearance shrinks by no more than a body moves. So from the pose of the last tick a body may move
-by as much as its smallest certified lower bound is above the limit. Each tick allows the next move,
-and no pose that is published comes nearer than the limit, as long as the other bodies rest. What is
-attached to a body moves with it, so its bounds count as well, and how far it reaches.
+A clearance shrinks by no more than a body moves. So from its pose in the last tick, a body may move
+by the excess of its smallest certified lower bound over the limit. Each tick allows the next move.
+As long as the other bodies rest, no published pose comes nearer than the limit. Bodies attached to
+a body move with it, so their bounds and their extent count as well.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from proximity_monitor.display.state import STALE, UNKNOWN, Frame, SceneInfo
 FREE, AT_STOP, AT_CONTACT = "nowhere", "at stop", "at contact"
 
 SURELY = 1.02
-"""The triangles that are shown are rounded: they reach as far but for less than this."""
+"""Factor on the radius of a part's shown triangles, which are rounded by far less than that."""
 
 _HALVINGS = 40
 
 
 def carried(name: str, held: Mapping[str, str]) -> frozenset[str]:
-    """Return a body with all that move with it, by the parent's name of each that is held."""
+    """Return a body with all bodies that move with it; `held` has the parent of each held body."""
     found, new = frozenset(), frozenset({name})
     while new:
         found |= new
@@ -35,10 +35,10 @@ def carried(name: str, held: Mapping[str, str]) -> frozenset[str]:
 
 
 def slack(group: Collection[str], frame: Frame, scene: SceneInfo, where: str) -> float:
-    """Return how far bodies that move together may move from where they are in a tick, in metres.
+    """Return how far bodies that move together may move from their poses in a tick, in metres.
 
-    Not positive: they are at the limit, or nearer, or a body that they could meet is silent. Pairs
-    that are not listed are beyond their range, which counts as `warn` and the hysteresis at least.
+    If it is not positive, they are at the limit or nearer, or a body that they could meet is
+    silent. Unlisted pairs are beyond their range, which is at least `warn` plus the hysteresis.
     """
 
     def limit(pair: tuple[str, str]) -> float:
@@ -66,9 +66,9 @@ def slack(group: Collection[str], frame: Frame, scene: SceneInfo, where: str) ->
 def radius_of(
     name: str, group: Collection[str], frame: Frame, scene: SceneInfo, parts: Parts
 ) -> float | None:
-    """Return that of a ball about a body's centre that holds all that move with it, in metres.
+    """Return the radius (m) of a ball about a body's centre that holds all that moves with it.
 
-    None: the pose of one of them is not known. Infinite: nor is how far one of them reaches.
+    None: a pose among them is not known. Infinite: it is not known how far one of them extends.
     """
     poses = {each: frame.pose(scene.moving.index(each)) for each in group}
     if any(pose is None for pose in poses.values()):
@@ -80,17 +80,17 @@ def radius_of(
 
 
 def reach(before: np.ndarray, after: np.ndarray, centre: np.ndarray, radius: float) -> float:
-    """Return how far any point of a body moves at most between two poses (7,).
+    """Return an upper bound on how far any point of a body moves between two poses (7,), metres.
 
     Args:
         before: x y z in metres, quaternion w x y z.
-        after: the same.
-        centre: (3,) in the body's frame, metres.
-        radius: of a ball about it that contains the body, metres; infinite: not known.
+        after: as `before`.
+        centre: (3,) of a ball that contains the body, in the body's frame, metres.
+        radius: of that ball, metres; infinite: not known.
     """
     shift = after[:3] - before[:3] + rotate(after[3:], centre) - rotate(before[3:], centre)
-    sine = np.linalg.norm(multiply(conjugate(before[3:]), after[3:])[1:])  # of half the angle
-    # How far what reaches without end moves is known only where it does not turn.
+    sine = np.linalg.norm(multiply(conjugate(before[3:]), after[3:])[1:])  # sine of half the angle
+    # With an infinite radius the motion is bounded only if the body does not turn.
     turned = 2.0 * float(sine) * radius if sine > 0.0 else 0.0
     return float(np.linalg.norm(shift)) + turned
 
@@ -103,15 +103,15 @@ def farthest(
     radius: float,
     slack_m: float,
 ) -> np.ndarray:
-    """Return the pose (7,) between `now` and `target`, as near to it as the slack allows.
+    """Return the pose (7,) between `now` and `target` that is as near `target` as the slack allows.
 
     Args:
-        seen: the pose in the tick.
-        now: where the body is held.
-        target: where the hand wants it.
+        seen: (7,) the body's pose in the tick.
+        now: (7,) the pose at which the body is held.
+        target: (7,) where the hand wants the body.
         centre: see `reach`.
         radius: see `reach`.
-        slack_m: how far it may be from `seen`, in metres.
+        slack_m: how far any point of the body may be from its place at `seen`, in metres.
     """
     if reach(seen, target, centre, radius) < slack_m:
         return target

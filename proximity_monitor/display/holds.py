@@ -1,4 +1,4 @@
-"""The bodies that are held here: their poses are published until they are released."""
+"""The bodies that browsers hold: the display publishes their poses until they are released."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ UNDO = 200
 
 
 class Holds:
-    """Poses (7,), x y z in metres, quaternion w x y z; each belongs to one hand.
+    """Poses (7,) of held bodies: x y z in metres, quaternion w x y z. Each belongs to one hand.
 
-    Any thread may call.
+    Any thread may call the methods.
     """
 
     def __init__(self) -> None:
@@ -25,7 +25,7 @@ class Holds:
         self._attached: frozenset[str] = frozenset()
         self._scene: Hashable = None
         self.on_move: Callable[[], None] = lambda: None
-        """Called after a body was moved, in whatever thread."""
+        """Called after a body was moved, in the thread that moved it."""
 
     @property
     def poses(self) -> Mapping[str, np.ndarray]:
@@ -39,13 +39,13 @@ class Holds:
             return self._owners.get(name)
 
     def begin(self, scene: Hashable) -> None:
-        """Begin with a scene: all bodies are released, and only hands of this scene take any."""
+        """Switch to a scene: release all bodies. From now on only hands of this scene take any."""
         with self._lock:
             self.release()
             self._scene = scene
 
     def follow(self, attached: Iterable[str]) -> None:
-        """Let bodies that are attached to others go, whoever holds them; no hand may take them."""
+        """Release bodies that are attached to others, whoever holds them. No hand may take them."""
         with self._lock:
             self._attached = frozenset(attached)
             for name in self._attached & self._owners.keys():
@@ -59,10 +59,10 @@ class Holds:
 
 
 class Hand:
-    """One browser's hand, with its own undo. It moves only what it `may`."""
+    """One browser's hand, with its own undo. It moves only bodies that it `may` move."""
 
     def __init__(self, holds: Holds, name: str) -> None:
-        """Begin with nothing held; `name` is what the others read of the owner."""
+        """Begin with nothing held; `name` tells the other browsers who holds a body."""
         self.name = name
         self._holds = holds
         self._lock = holds._lock
@@ -72,23 +72,23 @@ class Hand:
         self._scene = holds._scene
 
     def begin(self, scene: Hashable) -> None:
-        """Take a scene's bodies from now on, and none while `Holds` has another scene."""
+        """Switch to a scene. While `Holds` has another one, this hand takes no body."""
         with self._lock:
             self._scene = scene
 
     @property
     def poses(self) -> Mapping[str, np.ndarray]:
-        """The poses of all held bodies, of other hands too."""
+        """The poses of all held bodies, including those in other hands."""
         return self._holds.poses
 
     @property
     def own(self) -> frozenset[str]:
-        """The bodies in this hand."""
+        """The names of the bodies in this hand."""
         with self._lock:
             return frozenset(name for name, owner in self._holds._owners.items() if owner is self)
 
     def other(self, name: str | None) -> Hand | None:
-        """Return the other hand that holds a body; None: it is free, or in this one."""
+        """Return the other hand that holds a body; None: the body is free or in this hand."""
         owner = None if name is None else self._holds.owner(name)
         return None if owner is self else owner
 
@@ -99,9 +99,10 @@ class Hand:
             return bool(self._before)
 
     def may(self, name: str) -> bool:
-        """Return whether it may move a body: no other hand holds it, nor is it attached.
+        """Return whether this hand may move a body.
 
-        A hand moves none of another scene than `Holds` has.
+        It may not if another hand holds the body, if the body is attached to another one, or if
+        `Holds` has another scene than this hand.
         """
         with self._lock:
             off = self._gone or self._scene != self._holds._scene
@@ -109,7 +110,7 @@ class Hand:
             return not (off or attached or self.other(name) is not None)
 
     def take(self, name: str, now: np.ndarray) -> bool:
-        """Begin a step with a body, and hold it where it is; return whether it `may`."""
+        """Begin a step with a body and hold it where it is; return whether this hand `may`."""
         with self._lock:
             if not self.may(name):
                 return False
@@ -130,7 +131,7 @@ class Hand:
                 self.take(name, pose)
 
     def move(self, name: str, pose: np.ndarray) -> bool:
-        """Move a body in this hand within a step; return whether it is in this hand."""
+        """Move a body in this hand, within a step; return whether this hand holds the body."""
         with self._lock:
             if not self._has(name):
                 return False
@@ -139,11 +140,11 @@ class Hand:
         return True
 
     def place(self, name: str, pose: np.ndarray, now: np.ndarray) -> bool:
-        """Hold a body at a pose, as one step; `now` is where it is. Return whether it `may`."""
+        """Hold a body, now at `now`, at a pose as one step; return whether this hand `may`."""
         return self.take(name, now) and self.move(name, pose)
 
     def undo(self) -> str | None:
-        """Undo a step; return the body, which stays held where the step began."""
+        """Undo the last step; return its body, which stays held where the step began."""
         with self._lock:
             if not self._before:
                 return None
@@ -152,14 +153,14 @@ class Hand:
             return name
 
     def reset(self, name: str) -> None:
-        """Put a held body back to where it was first taken; this can be undone."""
+        """Put a held body back where this hand first took it; this can be undone."""
         with self._lock:
             if self._has(name):
                 self._before.append((name, self._holds._poses[name]))
                 self._holds._poses[name] = self._first[name]
 
     def release(self, name: str | None = None) -> None:
-        """Release a body, or all in this hand, to their own sources."""
+        """Release a body, or all bodies in this hand, to their own sources."""
         with self._lock:
             for each in self.own if name is None else {name} & self.own:
                 del self._holds._owners[each], self._holds._poses[each]
@@ -167,7 +168,7 @@ class Hand:
                 self._before = [step for step in self._before if step[0] != each]
 
     def leave(self) -> None:
-        """Release all for good: the browser is gone."""
+        """Release all bodies for good, because the browser is gone."""
         with self._lock:
             self._gone = True
             self.release()

@@ -19,12 +19,12 @@ from proximity_monitor.display.received import (
 from proximity_monitor.display.state import Frame, Health, Playing, SceneInfo
 
 GONE_S = 3.5
-"""Seconds without diagnostics, which come each second, after which the monitor is gone."""
+"""Diagnostics come each second. Without any for this many seconds, the monitor counts as gone."""
 
 UNREAD = 16
-"""How many ticks are kept until the page reads them; beyond it the oldest go."""
+"""How many ticks wait for the page to read them; beyond this number the oldest are dropped."""
 
-_STAMP = slice(4, 12)  # in a serialised message that begins with a header
+_STAMP = slice(4, 12)  # bytes of the stamp in a serialised message that begins with a header
 
 
 @dataclass(frozen=True)
@@ -36,35 +36,38 @@ class News:
     frame: Frame | None = None
     """The last readable tick."""
     frame_at_s: float = float("-inf")
-    """When it came, by the monotonic clock."""
+    """When that tick came, by the monotonic clock."""
     passed: tuple[Frame, ...] = ()
-    """The readable ticks before it that came since the news before, the oldest first."""
+    """The readable ticks between that of the previous news and `frame`, the oldest first."""
     health: Health | None = None
-    """Of the scene; None: not heard yet, or not for long."""
+    """The scene's last health; None: not heard yet, or too long ago."""
     health_at_s: float = float("-inf")
-    """When the monitor told its health last, of whatever scene, by the monotonic clock."""
+    """When the monitor last told its health, for any scene, by the monotonic clock."""
     unreadable: Mapping[str, str] = field(default_factory=dict)
-    """Why the last message could not be read, by kind of message."""
+    """By kind of message, why the last message of that kind could not be read."""
     present: bool = False
     """Whether the monitor is on the network."""
     rivals: tuple[str, ...] = ()
-    """Other publishers on the topics of the bodies that are held here."""
+    """Other nodes that publish on the topics of bodies that are held here."""
     refusal: str = ""
     """Why the monitor refused the last parameters; empty if it took them."""
     refused: frozenset[str] = frozenset()
-    """The names of those."""
+    """The names of the refused parameters."""
     playing: Playing | None = None
-    """The motion of the player; None: there is no player."""
+    """The player's motion; None: there is no player."""
     player_ended: bool = False
-    """Whether there was one before."""
+    """Whether there was a player before."""
     player_refusal: str = ""
     """Why the player refused the last parameters; empty if it took them."""
     reset: str = ""
-    """What became of the last request to forget the monitor's smallest clearances."""
+    """The outcome of the last request to forget the monitor's smallest clearances."""
 
     @property
     def complete(self) -> bool:
-        """Whether all has come, of one scene: the first messages may be of the previous one."""
+        """Whether scene, parts and tick are all there and of one scene.
+
+        The first messages may be those of the previous scene.
+        """
         scene, parts, frame = self.scene, self.parts, self.frame
         return (
             not (scene is None or parts is None or frame is None)
@@ -74,15 +77,15 @@ class News:
 
 
 class Inbox:
-    """Takes messages as bytes; they are read when the page asks."""
+    """Takes messages as bytes, and reads them when the page asks."""
 
     def __init__(self) -> None:
         """Begin without messages."""
         self._lock = threading.Lock()
         self._news = News()
-        self._turn = 0  # so many scenes have begun
+        self._turn = 0  # how many scenes have begun
         self._parts = b""
-        self._pairs: deque[bytes] = deque(maxlen=UNREAD)  # of ticks whose poses have not come
+        self._pairs: deque[bytes] = deque(maxlen=UNREAD)  # ~/pairs still without their ~/poses
         self._poses: deque[bytes] = deque(maxlen=UNREAD)
         self._matched: deque[tuple[bytes, bytes, float]] = deque(maxlen=UNREAD)
         self._came = threading.Event()
@@ -102,31 +105,31 @@ class Inbox:
             self._news = replace(self._news, **changes)
 
     def put_pairs(self, data: bytes) -> None:
-        """Take a serialised ~/pairs."""
+        """Take a serialised ~/pairs message."""
         with self._lock:
             self._match(data, self._pairs, self._poses)
 
     def put_poses(self, data: bytes) -> None:
-        """Take a serialised ~/poses."""
+        """Take a serialised ~/poses message."""
         with self._lock:
             self._match(data, self._poses, self._pairs)
 
     def put_parts(self, data: bytes) -> None:
-        """Take a serialised ~/parts."""
+        """Take a serialised ~/parts message."""
         with self._lock:
             self._parts = data
 
     def put_health(self, health: Health) -> None:
-        """Take what the monitor says about itself."""
+        """Take the monitor's report about itself."""
         self.tell(health=health, health_at_s=time.monotonic(), present=True)
 
     def judge(self, kind: str, error: str | None) -> None:
-        """Remember why the last message of a kind could not be read; None: it was read."""
+        """Remember why the last message of a kind could not be read; None: it could be read."""
         with self._lock:
             self._judge(kind, error)
 
     def begin(self, scene: SceneInfo) -> None:
-        """Begin with a scene; what belonged to another is forgotten, also what is being read."""
+        """Switch to a scene; forget the previous one, also a message of it that is being read."""
         with self._lock:
             self._turn += 1
             self._parts = b""
@@ -144,14 +147,14 @@ class Inbox:
             )
 
     def wait(self, timeout_s: float) -> bool:
-        """Wait until a tick has come that is not read yet, but no longer than so many seconds.
+        """Wait until an unread tick has come, for at most `timeout_s` seconds.
 
         Return whether one has come.
         """
         return self._came.wait(timeout_s)
 
     def read(self) -> News:
-        """Return the news, after reading what came since the last call."""
+        """Read the messages since the last call, and return the news."""
         self._came.clear()
         with self._lock:
             matched, scene, turn = tuple(self._matched), self._news.scene, self._turn
@@ -170,12 +173,12 @@ class Inbox:
     def _take(
         self, kind: str, turn: int, read: Callable[[], Mapping[str, object]]
     ) -> Mapping[str, object]:
-        """Read a message that came in a turn; return what is news."""
+        """Read a message that came while `_turn` was `turn`; return the fields that changed."""
         try:
             found, error = read(), None
         except OfAnotherSceneError:
-            return {}  # the scene's own message is under way, or the next tick is
-        except ValueError as refused:  # from a monitor of another version, or from no monitor
+            return {}  # the message for the known scene, or the next tick, is under way
+        except ValueError as refused:  # the sender has another version, or is no monitor
             found, error = {}, str(refused)
         with self._lock:
             if turn != self._turn:
@@ -190,10 +193,11 @@ class Inbox:
         self._news = replace(self._news, unreadable=told)
 
     def _match(self, data: bytes, own: deque[bytes], other: deque[bytes]) -> None:
-        """A tick is complete when both messages with its stamp have come.
+        """Match ~/pairs and ~/poses of one stamp; a tick is complete when both have come.
 
-        Each topic is in order. So what came before a half that is matched has lost its other half;
-        if it stayed, a clock that repeats its stamp would match it with a later tick's.
+        Each topic keeps its order. So messages before a matched one have lost their partner, and
+        are dropped. If they stayed, a clock that repeats a stamp would match them with a later
+        tick's message.
         """
         if all(each[_STAMP] != data[_STAMP] for each in other):
             own.append(data)

@@ -1,4 +1,4 @@
-"""Seeing a gap: the camera goes to it, a section is laid through it, parts become transparent."""
+"""Seeing a gap: zoom the camera to it, lay a section through it, make parts transparent."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ EVERY = "(all parts)"
 
 
 class Inspect:
-    """Its buttons, and the section of one page."""
+    """The buttons for seeing a gap, and the section of one page."""
 
     def __init__(self, client: viser.ClientHandle, choice: Choice, look_at_all: Callable) -> None:
-        """Add the buttons at this place of the GUI; `look_at_all` shows the whole scene."""
+        """Add the buttons at the current place of the GUI; `look_at_all` shows the whole scene."""
         self._client = client
         self._choice = choice
         self._look_at_all = look_at_all
@@ -34,7 +34,7 @@ class Inspect:
         self._section: Section | None = None
         self._parts: Parts | None = None
         self._frame: Frame | None = None
-        self._problem: tuple[PairName | None, str] = (None, "")  # of a button, for a pair
+        self._problem: tuple[PairName | None, str] = (None, "")  # why a button failed for a pair
         buttons = client.gui.add_button_group(
             "Gap", (ZOOM, SECTION, WHOLE), hint="Of the chosen pair; without one, the nearest"
         )
@@ -49,7 +49,7 @@ class Inspect:
             adapt(camera)
 
     def add_looks(self, gui: viser.GuiApi) -> None:
-        """Add how each part is drawn at this place of the GUI."""
+        """Add the inputs for how each part is drawn, at the current place of the GUI."""
         self._whose = gui.add_dropdown("Look of", (EVERY,))
         self._opacity = gui.add_slider("Opacity", 0.0, 1.0, 0.05, 1.0)
         self._edges = gui.add_checkbox("Edges", True)
@@ -67,7 +67,7 @@ class Inspect:
             field.on_update(self._on_look)
 
     def begin(self, scene: SceneInfo, parts: Parts) -> None:
-        """Take a scene."""
+        """Switch to a scene."""
         self._parts, self._plane = parts, None
         self._section = Section(self._client.scene, parts)
         self._banding = Banding(self._client.scene, parts, scene)
@@ -84,7 +84,10 @@ class Inspect:
         now_s: float,
         sitting: Sitting | None = None,
     ) -> None:
-        """Cut the parts where they are now, and colour them by clearance; a picture has its own."""
+        """Cut the parts where they are now and colour them by clearance.
+
+        For a picture (`sitting`), use its own section and view, and no bands.
+        """
         self._frame = frame
         looks = {} if sitting is not None else self._choice.looks
         wanted = [name for name, look in looks.items() if look.bands]
@@ -109,7 +112,7 @@ class Inspect:
     def gap(self) -> np.ndarray | None:
         """Return the closest points (2, 3) of the highlighted pair, in the page's units.
 
-        Without one, those of the nearest pair. None: they are not known.
+        If no pair is highlighted, return those of the nearest pair. None: they are not known.
         """
         if self._frame is None:
             return None
@@ -158,6 +161,6 @@ class Inspect:
         self._choice.looks = looks
 
     def _named(self) -> Sequence[str]:
-        """Return the parts whose look the fields show and change."""
+        """Return the names of the parts whose look the fields show and change."""
         whose = self._whose.value
         return self._whose.options[1:] if whose == EVERY else (whose,)

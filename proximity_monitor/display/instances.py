@@ -10,7 +10,7 @@ from proximity_monitor.display.shape import Shape
 
 
 class Instances:
-    """The nodes of bodies of one shape. Those that are not drawn here have the size 0."""
+    """The nodes for bodies of one shape. A body that is not drawn here has the scale 0."""
 
     def __init__(
         self,
@@ -20,14 +20,14 @@ class Instances:
         colours: np.ndarray,
         levels: tuple[tuple[float, float], ...],
     ) -> None:
-        """Add them, with nothing to show.
+        """Add the nodes, with nothing to show.
 
         Args:
-            api: takes them.
-            name: of the node.
-            shape: of each body.
-            colours: (m, 3) of the bodies, 0 to 255 of sRGB.
-            levels: from which distance on which share of the triangles is drawn.
+            api: takes the nodes.
+            name: name of the node.
+            shape: shape of each body.
+            colours: (m, 3) colours of the bodies, sRGB, 0 to 255.
+            levels: distances, each with the share of the triangles drawn from there on.
         """
         count = len(colours)
         self._told = {
@@ -43,7 +43,7 @@ class Instances:
         self._nodes = [self._mesh]
         self._edges = None
         if len(shape.edges):
-            # Only meshes have instances: an edge is a triangle with two equal corners, as wires.
+            # Only meshes have instances. So an edge is a wireframe triangle with two equal corners.
             ends = np.arange(2 * len(shape.edges)).reshape(-1, 2)
             self._edges = api.add_batched_meshes_simple(
                 f"{name}/edges", shape.edges.reshape(-1, 3), ends[:, [0, 1, 1]], **self._told,
@@ -55,13 +55,13 @@ class Instances:
     def show(
         self, poses: np.ndarray, drawn: np.ndarray, scale: float, *, opacity: float, edges: bool
     ) -> None:
-        """Place the bodies; what is as before is not sent.
+        """Place the bodies; values that have not changed are not sent.
 
         Args:
-            poses: (m, 7) in metres.
+            poses: (m, 7) poses of the bodies, metres.
             drawn: (m,) whether a body is drawn here.
-            scale: units of the page a metre.
-            opacity: of all.
+            scale: units of the page per metre.
+            opacity: opacity of all bodies.
             edges: whether edges are drawn.
         """
         values = (poses[:, :3] * scale, poses[:, 3:], drawn)

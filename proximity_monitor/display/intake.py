@@ -1,8 +1,8 @@
-"""What a browser may send. All else is dropped before viser reads it.
+"""What a browser may send. All other messages are dropped before viser reads them.
 
-viser believes what browsers send: any value of any input, of any length. Here a message must be of
-a kind that the page needs, its fields must have viser's types and be bounded, and an input takes
-only what it could show.
+viser accepts whatever browsers send: any value of any input, of any length. Here a message must be
+of a kind that the page needs, its fields must have viser's types and be bounded, and an input
+accepts only values that it could show.
 """
 
 from __future__ import annotations
@@ -15,16 +15,16 @@ import viser
 from viser import _messages
 
 BYTES = 20_000
-"""Of a message; a picture that was asked for may be longer."""
+"""Maximum bytes of a message; a picture that was asked for may be longer."""
 
 TEXT = 2000
-"""Characters that a text may have: the names of two parts and more, or a comment."""
+"""Maximum characters of a text: enough for the names of two parts and more, or for a comment."""
 
 FAR = 1e9
-"""No number is beyond it."""
+"""Largest absolute value of a number."""
 
 TURN = 1e-3
-"""No quaternion is shorter; those of handles are of unit length but for rounding."""
+"""Minimum length of a quaternion; those of handles have unit length except for rounding."""
 
 PICTURE = "GetRenderResponseMessage"
 KINDS = {
@@ -47,14 +47,14 @@ KINDS = {
 
 
 class Intake:
-    """Judges messages for one server."""
+    """Checks the messages to one server."""
 
     def __init__(self) -> None:
-        """Begin without a server, whose inputs it needs to know."""
+        """Begin without a server; set `server` later, because its inputs are needed."""
         self.server: viser.ViserServer | None = None
 
     def takes(self, raw: bytes | str) -> bool:
-        """Return whether a message may be read."""
+        """Return whether a message may pass to viser."""
         try:
             told = msgspec.msgpack.decode(raw)
             kind = told.pop("type")
@@ -77,10 +77,10 @@ class Intake:
         return found is not None and updates.keys() == {"value"} and legal(found, updates["value"])
 
     def _put_back(self, uuid: str) -> None:
-        """Give a browser the text that is known here, so that it shows none that was dropped."""
+        """Send a browser the text that the server has, so that it stops showing a dropped one."""
         found = self._input(uuid)
         if isinstance(found, viser.GuiTextHandle):
-            # Setting a `value` that is the same already would tell the browser nothing.
+            # Setting the handle's `value` to the value that it has would send nothing.
             known = _messages.GuiUpdateMessage(uuid, {"value": found.value})
             found._impl.gui_api._websock_interface.queue_message(known)
 
@@ -109,7 +109,7 @@ def bounded(value: Any) -> bool:
 
 
 def legal(each: Any, value: Any) -> bool:
-    """Return whether an input of the page can have a value, which is bounded."""
+    """Return whether a bounded value is one that an input of the page can have."""
     match each:
         case viser.GuiDropdownHandle() | viser.GuiButtonGroupHandle():
             return isinstance(value, str) and value in each.options

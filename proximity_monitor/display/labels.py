@@ -1,7 +1,7 @@
-"""Labels in the picture: none lies on another, on a closest point, or on its own line.
+"""Labels in the picture: none covers another label, a closest point, or its own point.
 
-viser draws a label where it is told. So its place on the screen is found here: beside its point, or
-farther away with a thin line to it; a label for which no place is free is left out.
+viser draws a label wherever it is told to. So this module finds a place on the screen: beside the
+label's point, or farther away with a thin line to it. A label without a free place is left out.
 """
 
 from __future__ import annotations
@@ -17,22 +17,22 @@ import viser
 from proximity_monitor.display.view import View
 
 CHARACTER, LINE, MARGIN = 8.0, 18.0, 10.0
-"""Of a label of scale 1, in pixels: about a character's width, a line's height, and both sides."""
+"""Pixels at scale 1: about the width of a character, the height of a line, both side margins."""
 
 TIP = 7.0
-"""Pixels around a closest point that stay free."""
+"""Pixels that stay free around a closest point."""
 
 AWAY = (12.0, 34.0, 62.0, 96.0)
-"""Pixels from a point to its label's middle of a side, the nearest tried first."""
+"""Pixels between a point and the nearest side of its label, in the order of the attempts."""
 
 LED = 20.0
-"""Pixels beyond which a line leads from a label to its point."""
+"""If a label's nearest side is farther than this from its point, in pixels, a line joins them."""
 
 LONGEST = 24
-"""Characters of a part's name that are shown; of longer ones the middle is left out."""
+"""Maximum characters of a part's name in a label; a longer name loses its middle."""
 
 EVERY_S = 0.1
-"""Seconds between two searches for places, which take some milliseconds."""
+"""Minimum seconds between two searches for places, each of which takes some milliseconds."""
 
 _SIDES = np.array(
     [(0, -1), (1, -1), (-1, -1), (1, 0), (-1, 0), (0, 1), (1, 1), (-1, 1)], float
@@ -40,34 +40,34 @@ _SIDES = np.array(
 
 
 class Label(NamedTuple):
-    """A label that asks for a place."""
+    """A label that needs a place."""
 
     text: str
     at: np.ndarray
-    """(3,) the point that it belongs to, in the page's units."""
+    """(3,) the point to which it belongs, in the page's units."""
     scale: float = 1.0
 
 
 def short(name: str, longest: int = LONGEST) -> str:
-    """Return a name without its middle if it is too long."""
+    """Return a name, without its middle if it is longer than `longest` characters."""
     half = (longest - 1) // 2
     return name if len(name) <= longest else f"{name[:half]}…{name[len(name) - half :]}"
 
 
 def extent(label: Label) -> np.ndarray:
-    """Return about the width and height of a label on the screen, in pixels."""
+    """Return roughly the width and height of a label on the screen, in pixels."""
     lines = label.text.split("\n")
     wide = max(sum(1.0 if ord(c) < 0x2E80 else 1.8 for c in line) for line in lines)  # CJK: wide
     return label.scale * np.array([CHARACTER * wide + MARGIN, LINE * len(lines) + 4.0])
 
 
 def places(labels: Sequence[Label], view: View, keep_free: np.ndarray) -> list[np.ndarray | None]:
-    """Return where on the screen the middle of each label goes, or None if there is no room.
+    """Return the middle of each label on the screen, or None if there is no room for the label.
 
     Args:
-        labels: the most important first.
-        view: that they are seen in.
-        keep_free: (n, 3) points that no label may cover, besides the labels' own.
+        labels: the labels, the most important first.
+        view: the view in which they are seen.
+        keep_free: (n, 3) points that no label may cover, besides each label's own point.
     """
     if not labels:
         return []
@@ -93,7 +93,7 @@ def places(labels: Sequence[Label], view: View, keep_free: np.ndarray) -> list[n
 
 
 def _overlap(boxes: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """Return (n, m) whether boxes (n, 4) overlap others (m, 4)."""
+    """Return whether boxes (n, 4) overlap others (m, 4), as (n, m)."""
     apart = (boxes[:, None, :2] >= others[None, :, 2:]) | (
         boxes[:, None, 2:] <= others[None, :, :2]
     )
@@ -107,9 +107,9 @@ class Labels:
         """Begin without labels.
 
         Args:
-            api: takes them.
-            under: the node below which they come.
-            every_s: seconds between two searches for places.
+            api: takes the nodes.
+            under: the node below which the labels are added.
+            every_s: minimum seconds between two searches for places.
         """
         self._every_s, self._due_s = every_s, -math.inf
         self._api = api
@@ -125,7 +125,7 @@ class Labels:
     def show(
         self, labels: Sequence[Label], view: View, keep_free: np.ndarray, at_once: bool = False
     ) -> None:
-        """Show labels, the most important first, where there is room; not too often in a row."""
+        """Show the labels that have room, the most important first; at most every `every_s`."""
         now_s = time.monotonic()
         if now_s < self._due_s and not at_once:
             return
@@ -158,7 +158,7 @@ class Labels:
             self._leaders.points = np.array(leaders, np.float32)
 
     def clear(self) -> None:
-        """Remove all labels. A label that changes its text shows the old one for some frames."""
+        """Remove all labels, because a label with a new text shows the old one for some frames."""
         for node in self._nodes:
             node.remove()
         self._nodes, self._drawn = [], ()

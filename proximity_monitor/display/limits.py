@@ -1,4 +1,4 @@
-"""Thresholds, budget and tolerance as sliders, and what accuracy costs in time beside them."""
+"""Sliders for thresholds, budget and tolerance, with the time that accuracy costs beside them."""
 
 from __future__ import annotations
 
@@ -15,36 +15,36 @@ from proximity_monitor.display.tried import Tried
 from proximity_monitor.scene.naming import safe
 
 ASK_S = 0.2
-"""Seconds between two requests to the monitor while a slider is dragged."""
+"""Minimum seconds between two requests to the monitor while a slider is dragged."""
 
 HAND_S = 1.0
-"""Seconds after a request until a slider may move by itself, once the request was answered."""
+"""Sliders follow the monitor only this many seconds after a request, and once it has answered."""
 
 HEADROOM = 4.0
-"""A slider of a length reaches up to so many times its first value."""
+"""A slider of a length reaches at least to this many times the largest threshold."""
 
 LEAST_M = 1e-3
-"""A slider of a length reaches at least so far, in metres."""
+"""A slider of a length reaches at least this far, in metres."""
 
 _REL_TOP = 50.0
-"""Of the slider of the relative error, in percent."""
+"""Maximum of the slider of the relative error, in percent."""
 
 Values = Mapping[str, float]
 
 
 class LimitsPanel:
-    """The panel, which sets the monitor's own parameters."""
+    """The panel that sets the monitor's own parameters."""
 
     def __init__(
         self, gui: viser.GuiApi, choice: Choice, tried: Tried, ask: Callable[[Values], None]
     ) -> None:
-        """Add it at this place of the GUI; `ask` sends parameters to the monitor."""
+        """Add the panel at the current place of the GUI; `ask` sends parameters to the monitor."""
         self._tried = tried
         self._choice = choice
         self._ask = ask
         self._wanted: dict[str, float] = {}
         self._asked_s = -math.inf
-        self._asked_in: SceneInfo | None = None  # the scene at that time
+        self._asked_in: SceneInfo | None = None  # the scene at the last request
         self._prefix = ""
         self._scene: SceneInfo | None = None
         with gui.add_folder("Thresholds"):
@@ -66,9 +66,9 @@ class LimitsPanel:
         self._abs.on_update(self._on("abs_err", self._abs, lambda: self._scene.unit.to_metre))
 
     def show(self, scene: SceneInfo, health: Health | None, refusal: str, now_s: float) -> None:
-        """Send new settings, and show those in force and their cost."""
+        """Send new settings, and show the settings in force and their cost."""
         if self._scene is not None and self._scene.key != scene.key:
-            # What was moved since that scene has gone was meant for it.
+            # Moves of the sliders since the previous scene ended were meant for that scene.
             self._wanted, self._asked_in, self._asked_s = {}, None, -math.inf
         if self._wanted:
             if now_s >= self._asked_s + ASK_S:
@@ -84,7 +84,7 @@ class LimitsPanel:
     def _follow(self, scene: SceneInfo) -> None:
         """Move the sliders to the settings in force.
 
-        They have new scales for another pair or scene, and where a setting is beyond the scale.
+        The scales are chosen anew for another pair or scene, or if a value exceeds its scale.
         """
         pair = self._choice.pair
         own = pair in scene.own_thresholds and scene.own_parameters
@@ -115,7 +115,7 @@ class LimitsPanel:
                 return
             moved = {name: slider.value}
             if self._lengths["warn"].value < self._lengths["stop"].value:
-                # They push each other, as warn may not be below stop.
+                # Of warn and stop, the slider that moves pushes the other: warn >= stop.
                 moved = dict.fromkeys(("warn", "stop"), slider.value)
             for each, value in moved.items():
                 self._lengths[each].value = value
@@ -143,13 +143,13 @@ class LimitsPanel:
 
 
 def _round_up(value: float) -> float:
-    """The next of 1, 2, 5 times a power of ten."""
+    """Return the next number that is 1, 2 or 5 times a power of ten, or the value if it is one."""
     power = 10.0 ** math.floor(math.log10(value))
     return next(step * power for step in (1.0, 2.0, 5.0, 10.0) if step * power >= value)
 
 
 def _set(slider: viser.GuiSliderHandle, value: float, top: float, steps: int, anew: bool) -> None:
-    """Move a slider, with a scale up to `top` at least if it begins anew or is too short."""
+    """Move a slider; give it a scale to at least `top` if `anew`, or if the value exceeds it."""
     if anew or value > slider.max:
         slider.max = _round_up(max(top, value))
         slider.step = slider.max / steps

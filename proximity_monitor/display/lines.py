@@ -1,4 +1,4 @@
-"""The clearances in 3D: a line a pair with its closest points, labels, and a star at contact.
+"""The clearances in 3D: a line for each pair between its closest points, labels, contact stars.
 
 The pattern of a line shows its state without colour: solid while clear, dashed at warn, solid and
 thick at stop, dotted while stale. A gap in the middle shows that the budget cut the search, so that
@@ -19,20 +19,20 @@ from proximity_monitor.display.signs import clearance, ramp, sign, uncertain
 from proximity_monitor.display.state import STALE, STOP, UNKNOWN, WARN, Pairs, SceneInfo
 
 LABELS = 10
-"""How many pairs have a label at most, the nearest ones."""
+"""Maximum number of pairs with a label: the nearest ones."""
 
 ALWAYS = 3
-"""How many of the nearest pairs have a label even while they are clear."""
+"""How many of the nearest pairs have a label even if they are clear."""
 
 THIN, THICK, DOT = 2.0, 5.0, 9.0
-"""Pixels: of lines, and of the closest points."""
+"""Pixels: width of thin and of thick lines, and size of the closest points."""
 
 _SHORT = 1e-3
-"""A closest point is drawn as a line of this share of the gap, so that it is a dot at any zoom."""
+"""A closest point is drawn as a line of this share of the gap: a dot at any zoom."""
 
 
 def pattern(level: int, unsure: bool) -> np.ndarray:
-    """Return the drawn parts of a line as (n, 2) fractions of its length."""
+    """Return the drawn stretches of a line as (n, 2) fractions of its length."""
     if level == WARN:
         dashes = np.array([(i / 9.0, (i + 0.6) / 9.0) for i in range(9)])
     elif level == STALE:
@@ -49,8 +49,8 @@ def pattern(level: int, unsure: bool) -> np.ndarray:
 def shown_rows(pairs: Pairs, choice: Choice) -> np.ndarray:
     """Return the rows to draw, the nearest first: all that are not clear, and the nearest others.
 
-    All pairs of the body at the gizmo are drawn. Ignored pairs and those without a pose are left
-    out; a highlighted pair is drawn alone.
+    All pairs of the body at the gizmo are drawn. Ignored pairs and pairs without a pose are left
+    out. A highlighted pair is drawn alone.
     """
     if choice.pair is not None:
         row = pairs.places.get(choice.pair)
@@ -69,10 +69,10 @@ def shown_rows(pairs: Pairs, choice: Choice) -> np.ndarray:
 
 
 class Lines:
-    """The scene nodes of all pairs."""
+    """The scene nodes for the lines of all pairs."""
 
     def __init__(self, server: viser.ViserServer, scale: float, size: float) -> None:
-        """Add them, with nothing to show; `scale` in units a metre, `size` of the scene."""
+        """Add the nodes, with nothing to show; `scale`: units per metre, `size`: of the scene."""
         api = server.scene
         self._scale = scale
         self._star = 0.02 * size * _STAR
@@ -85,9 +85,9 @@ class Lines:
             for name, width in (("thin", THIN), ("thick", THICK), ("points", DOT))
         }  # fmt: skip
         self.labels: list[Label] = []
-        """Of the drawn pairs, the nearest first."""
+        """The labels of the drawn pairs, the nearest first."""
         self.tips = np.zeros((0, 3))
-        """(n, 3) the closest points that are drawn, in the page's units."""
+        """(n, 3) the drawn closest points, in the page's units."""
 
     def show(self, pairs: Pairs, scene: SceneInfo, choice: Choice) -> None:
         """Draw the pairs of a tick."""
@@ -146,7 +146,7 @@ def _set_lines(
 
 
 def _star() -> np.ndarray:
-    """Six spokes through the origin, (6, 2, 3)."""
+    """Return six line segments through the origin, (6, 2, 3)."""
     spokes = np.array(
         [(1, 0, 0), (0, 1, 0), (0, 0, 1), (0.7, 0.7, 0), (0, 0.7, 0.7), (0.7, 0, 0.7)]
     )

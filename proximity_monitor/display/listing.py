@@ -1,4 +1,4 @@
-"""Which pairs the list shows, in which order and groups."""
+"""The choice of the pairs that the list shows, their order and their groups."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from proximity_monitor.display.order import CLEAR_KIND, KINDS, kinds, urgent_fir
 from proximity_monitor.display.state import Pairs, SceneInfo
 
 ROWS = 40
-"""How many clear pairs are listed; those that are not clear are listed all."""
+"""How many clear pairs are listed; pairs that are not clear are all listed."""
 
 GROUPS = ("state", "part")
 ALL, NO_GROUPS = "(all)", "(none)"
@@ -26,19 +26,19 @@ class Listing(NamedTuple):
     """The rows of the list, and how many it leaves out."""
 
     groups: Sequence[tuple[str, Sequence[int]]]
-    """Titles and rows, the most urgent first; one group without a title if nothing groups them."""
+    """Titles and rows, the most urgent first; without grouping, one group with an empty title."""
     more_clear: int
-    """Clear pairs that match but come later."""
+    """How many clear pairs match the filters but come after the listed ones."""
     left_out: int
-    """Pairs that are not clear, neither ignored, and do not match."""
+    """How many pairs that are not clear and not ignored the filters leave out."""
     clear_left_out: int
-    """Those that are clear."""
+    """How many clear pairs that are not ignored the filters leave out."""
 
 
 def listing(
     pairs: Pairs, scene: SceneInfo, choice: Choice, decisions: Decisions | None = None
 ) -> Listing:
-    """Return what to list of a tick, of which people have decided about some pairs."""
+    """Return what to list of a tick's pairs; filters use the decisions that people made."""
     of, order = kinds(pairs), urgent_first(pairs, scene)
     clear = of == CLEAR_KIND
     watched = ~choice.ignores(pairs.names)
@@ -66,7 +66,7 @@ def _matching(pairs: Pairs, of: np.ndarray, choice: Choice, decisions: Decisions
 
 
 def admits(choice: Choice, pair: PairName, state: str, decisions: Decisions) -> bool:
-    """Return whether a pair in a state, one of `order.KINDS`, is listed."""
+    """Return whether the filters admit a pair in a state, one of `order.KINDS`."""
     if not choice.filtered:
         return True
     if (choice.state and choice.state != state) or (choice.part and choice.part not in pair):
@@ -78,7 +78,7 @@ def admits(choice: Choice, pair: PairName, state: str, decisions: Decisions) -> 
 
 
 def left_out(count: int) -> str:
-    """Return as HTML that the filters leave rows out of a list, and what to press to have all."""
+    """Return HTML with the number of rows that filters leave out; a press on it lists all again."""
     told = f"{count} left out by the filter: press to list all"
     return f"<div class='pm-press pm-unproved' {word('unfilter:')}>{told}</div>" if count else ""
 
@@ -86,7 +86,7 @@ def left_out(count: int) -> str:
 def _grouped(
     pairs: Pairs, of: np.ndarray, rows: Sequence[int], by: str
 ) -> list[tuple[str, list[int]]]:
-    """A pair of two parts stands with the one of which a more urgent pair was listed before."""
+    """Group rows. Under "part", a pair joins the group of its part that was listed earlier."""
     if not by:
         return [("", list(rows))]
     found: dict[str, list[int]] = {}
@@ -103,7 +103,7 @@ class Filters:
     """The inputs that choose what is listed."""
 
     def __init__(self, gui: viser.GuiApi, choice: Choice) -> None:
-        """Add them at this place of the GUI."""
+        """Add the inputs at the current place of the GUI."""
         search = gui.add_text("Search", "", hint="Words of the names of both parts")
         with gui.add_folder("Filter and group", expand_by_default=False):
             state = gui.add_dropdown("State", (ALL, *KINDS))
@@ -134,13 +134,13 @@ class Filters:
             choice.group = "" if group.value == NO_GROUPS else group.value
 
     def begin(self, scene: SceneInfo) -> None:
-        """Take a scene."""
+        """Switch to a scene."""
         self._choice.part = ""
         self._part.options = (ALL, *(body.name for body in scene.bodies))
         self._part.value = ALL
 
     def clear(self) -> None:
-        """List all pairs again."""
+        """Clear the filters, so that all pairs are listed again."""
         for each, value in self._inputs:
             each.value = value
         self._choice.search = self._choice.state = self._choice.part = self._choice.status = ""

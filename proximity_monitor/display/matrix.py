@@ -13,10 +13,10 @@ from proximity_monitor.display.signs import glyph, sign
 from proximity_monitor.display.state import Pairs, SceneInfo
 
 PARTS = 24
-"""About how many parts it has at most: those of the most urgent pairs."""
+"""Approximate maximum number of parts in the matrix: those of the most urgent pairs."""
 
 NAME = 16
-"""Characters of a name that are shown."""
+"""Maximum characters of a name in the matrix."""
 
 
 def matrix(pairs: Pairs, scene: SceneInfo, highlighted: PairName | None = None) -> str:
@@ -50,7 +50,7 @@ def matrix(pairs: Pairs, scene: SceneInfo, highlighted: PairName | None = None) 
 def _cell(pairs: Pairs, i: int, scene: SceneInfo, highlighted: PairName | None) -> str:
     a, b = pairs.names[i]
     shown = sign(pairs, i, scene)
-    title = f"{a} - {b}: {shown.word}"  # no number, which would change with each tick
+    title = f"{a} - {b}: {shown.word}"  # no number, because it would change with each tick
     chosen = " pm-chosen" if (a, b) == highlighted else ""
     return (
         f'<td class="pm-sign{chosen}" style="color:{shown.colour};cursor:pointer"'

@@ -28,14 +28,14 @@ LET_GO = "Let go: its own source moves it"
 _UNTOLD = (None, b"")
 
 NEAREST = 4
-"""How many clearances of the part are told beside its handles."""
+"""How many of the part's nearest clearances the panel lists."""
 
 HANDLES = 130.0
-"""Length of the handles in pixels: at every zoom they are as large."""
+"""Length of the handles in pixels, the same at every zoom."""
 
 REST_S = 1.0
-"""After so many seconds without motion the fields take the pose of a part that others move. Nobody
-could type into fields that change meanwhile."""
+"""If others move the part, the fields take its pose after this many seconds at rest. Nobody could
+type into fields that change meanwhile."""
 
 
 class Move:
@@ -48,7 +48,7 @@ class Move:
         choice: Choice,
         ask: Callable[[Mapping[str, str]], None],
     ) -> None:
-        """Add both; `begin` puts them to work. `ask` sends parameters to the monitor."""
+        """Add both; they work once `begin` is called. `ask` sends parameters to the monitor."""
         self._client = client
         self._hand = hand
         self._choice = choice
@@ -57,8 +57,8 @@ class Move:
         self._newest: Frame | None = None
         self._gizmo: viser.TransformControlsHandle | None = None
         self._hidden = False
-        self._edited = False  # typed numbers wait for their button
-        self._told = _UNTOLD  # whose pose the fields say
+        self._edited = False  # whether typed numbers wait for the button
+        self._told = _UNTOLD  # body and pose that the fields show
         self._seen: tuple[str | None, bytes] = (None, b"")
         self._moved_s = -math.inf
         gui = client.gui
@@ -94,10 +94,10 @@ class Move:
         command.on_trigger(self._on_undo)
 
     def begin(self, scene: SceneInfo, parts: Parts) -> None:
-        """Take a scene; the gizmo is made anew."""
+        """Switch to a scene; the gizmo is made again."""
         self._scene, self._parts = scene, parts
-        self._newest, self._told = None, _UNTOLD  # what the fields say may be in another unit
-        self._drag.end()  # the old gizmo reports no end
+        self._newest, self._told = None, _UNTOLD  # the fields may show another unit
+        self._drag.end()  # the removed gizmo reports no end of a drag
         names = tuple(body.name for body in scene.bodies if body.topic is not None)
         self._who.options = (NOBODY, *names)
         self._fine.begin(scene.unit)
@@ -120,7 +120,7 @@ class Move:
         self._edited = False
 
     def show(self, frame: Frame, news: News) -> None:
-        """Let gizmo and numbers follow the body."""
+        """Make the gizmo and the numbers follow the body."""
         self._scene, self._newest = news.scene, news.frame
         self._advance()
         name, live = self._choice.body, self._live
@@ -147,13 +147,13 @@ class Move:
         self._now.content = self._where(name, pose)
 
     def hide(self, hidden: bool) -> None:
-        """Hide the gizmo until it is shown again, for a picture of the scene alone."""
+        """Hide the gizmo for a picture of the scene alone, or let it be shown again."""
         self._hidden = hidden
         if hidden and self._gizmo is not None:
             self._gizmo.visible = False
 
     def rest(self) -> None:
-        """Offer nothing while another scene comes, until its parts are shown."""
+        """Disable all moves while another scene comes, until its parts are shown."""
         self._drag.end()
         for each in (self._apply, self._undo, self._reset, self._release):
             each.disabled = True
@@ -162,7 +162,7 @@ class Move:
 
     @property
     def _live(self) -> bool:
-        """Whether parts may be moved at all: none is while the page looks back."""
+        """Whether parts may be moved: not while the page looks back."""
         return self._choice.at_s is None
 
     def _may(self, name: str | None) -> bool:
@@ -170,14 +170,14 @@ class Move:
         return name is not None and self._live and self._hand.may(name)
 
     def _pose(self, name: str) -> np.ndarray | None:
-        """Return where a part is now, whatever moment is shown."""
+        """Return the pose of a part now, whatever moment is shown; None: not known."""
         held = self._hand.poses.get(name)
         if held is not None or self._newest is None:
             return held
         return self._newest.pose(self._scene.moving.index(name))
 
     def _rests(self, name: str, pose: np.ndarray) -> bool:
-        """Return whether a part has not moved for a while, or has just been chosen."""
+        """Return whether a part has been still for `REST_S`, or has just been chosen."""
         seen, now_s = (name, pose.tobytes()), time.monotonic()
         if seen != self._seen:
             self._moved_s = now_s if name == self._seen[0] else -math.inf
@@ -185,14 +185,14 @@ class Move:
         return now_s - self._moved_s >= REST_S
 
     def _tell(self, pose: np.ndarray) -> None:
-        """Put a pose into the fields."""
+        """Show a pose in the fields."""
         told = (self._choice.body, pose.tobytes())
         if told != self._told:
             self._told = told
             self._position.value, self._turn.value = self._numbers(pose)
 
     def _where(self, name: str | None, pose: np.ndarray | None) -> str:
-        """Return where a part is, as HTML, if the fields say otherwise."""
+        """Return the pose of a part as HTML; empty if the fields show that pose already."""
         if pose is None or (name, pose.tobytes()) == self._told:
             return ""
         place, turn = (", ".join(map(repr, each)) for each in self._numbers(pose))
@@ -200,7 +200,7 @@ class Move:
         return f'<div class="pm pm-small pm-dim" id="pm-now">{self._choice.when} {at}</div>'
 
     def _numbers(self, pose: np.ndarray) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Return what the fields say of a pose: in the scene's unit, and in degrees."""
+        """Return position and angles of a pose for the fields: in the scene's unit, in degrees."""
         unit = self._scene.unit
         digits = DECIMALS.get(unit.symbol, 4)
         place = tuple(np.round(pose[:3] / unit.to_metre, digits).tolist())
@@ -223,7 +223,7 @@ class Move:
             self._drag.end()
 
     def _advance(self) -> None:
-        """Move the dragged part towards where the hand wants it, as far as it may."""
+        """Move the dragged part towards the target of the drag, as far as it may."""
         if not self._live:
             self._drag.end()
         newest = self._newest
@@ -233,7 +233,7 @@ class Move:
             self._tell(moved_to[1])
 
     def _place(self, placed: Callable[[np.ndarray], np.ndarray]) -> None:
-        """Hold the chosen part where this puts it from where it is now, if it may be moved."""
+        """Hold the chosen part at the pose that `placed` makes of its present one, if allowed."""
         name = self._choice.body
         if self._may(name) and (now := self._pose(name)) is not None:
             self._hand.place(name, placed(now), now)
@@ -258,7 +258,7 @@ class Move:
         def typed(_: np.ndarray) -> np.ndarray:
             place = np.array(self._position.value) * self._scene.unit.to_metre
             pose = np.concatenate((place, from_degrees(*self._turn.value)))
-            self._told = (self._choice.body, pose.tobytes())  # other angles may say the same
+            self._told = (self._choice.body, pose.tobytes())  # keeps the angles as they are typed
             return pose
 
         self._place(typed)

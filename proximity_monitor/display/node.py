@@ -1,4 +1,4 @@
-"""The ROS side: the monitor's messages go to the inbox, and poses of held bodies are published."""
+"""The ROS side: passes the monitor's messages to the inbox and publishes poses of held bodies."""
 
 from __future__ import annotations
 
@@ -22,40 +22,40 @@ from proximity_monitor.display.inbox import Inbox
 from proximity_monitor.display.state import Health, Playing, SceneInfo
 
 HELD_HZ = 40.0
-"""Seconds between two publications of held bodies' poses."""
+"""How often the poses of held bodies are published, in hertz."""
 
 _LATEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
 _EACH = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
-"""Of ticks: each counts for the smallest clearances and the events, also where none is shown."""
+"""For ticks: every tick counts for smallest clearances and events, even if no page shows it."""
 _LATCHED = QoSProfile(
     depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
 )
 
 
 class ProximityDisplay(Node):
-    """Listens to one monitor.
+    """Listens to one monitor and publishes the poses of held bodies.
 
     Parameters, all read at start: ``monitor`` and ``player`` (names of nodes), ``host``, ``port``,
-    ``conflicts`` (the file with what people decide about conflicts).
+    ``conflicts`` (the file with people's decisions about conflicts).
     """
 
     def __init__(self, inbox: Inbox, holds: Holds, **node_options) -> None:
-        """Subscribe.
+        """Subscribe to the monitor and the player.
 
         Args:
             inbox: takes the messages.
-            holds: the poses to publish.
+            holds: has the poses to publish.
             node_options: for `rclpy.node.Node`, such as parameter_overrides.
 
         Raises:
-            rclpy.exceptions.ParameterException: a parameter is of another type or no legal value,
+            rclpy.exceptions.ParameterException: a parameter has another type or an illegal value,
                 such as a name that no node can have.
         """
         super().__init__("proximity_display", **node_options)
         self._inbox = inbox
         self._holds = holds
         self._scene: SceneInfo | None = None
-        self._topics: dict[str, str] = {}  # the bodies that can be held
+        self._topics: dict[str, str] = {}  # of the bodies that can be held, by name
         self._publishers_of: dict[str, object] = {}
         self._parts = None
         text = "Name of the monitor's node, in this node's namespace unless it begins with a slash."
@@ -83,15 +83,15 @@ class ProximityDisplay(Node):
         self._to_reset = self.create_client(Trigger, f"{self.monitor}/reset_minima")
         self._to_player = self.create_client(SetParameters, f"{self._player}/set_parameters")
         self.create_subscription(String, f"{self._player}/motion", self._on_motion, _LATCHED)
-        self._asked: frozenset[str] | None = None  # what the player shall leave alone
-        self._released: frozenset[str] | None = None  # the bodies to which it agreed; None: unknown
+        self._asked: frozenset[str] | None = None  # bodies that the player was asked to leave alone
+        self._released: frozenset[str] | None = None  # those to which it agreed; None: unknown
         self.create_timer(1.0 / HELD_HZ, self._publish_held)
-        # What is dragged does not wait for the timer.
+        # A moved body is published at once, without waiting for the timer.
         holds.on_move = self.create_guard_condition(self._publish_held).trigger
         self.create_timer(0.5, self._look_around)
 
     def set_parameters_of_monitor(self, values: Mapping[str, float | str]) -> None:
-        """Ask for new values, all or none; the inbox gets a refusal. Any thread may call."""
+        """Ask for new values, all or none; the inbox gets a refusal. Any thread may call this."""
         request = SetParametersAtomically.Request(
             parameters=[Parameter(name, value=v).to_parameter_msg() for name, v in values.items()]
         )
@@ -110,7 +110,7 @@ class ProximityDisplay(Node):
             refuse(f"{self._to_monitor.srv_name} does not answer")
 
     def reset_minima_of_monitor(self) -> None:
-        """Ask it to forget the smallest clearances; the inbox gets its answer. Any thread may."""
+        """Ask it to forget the smallest clearances, and pass on its answer. Any thread may call."""
         if not self._to_reset.service_is_ready():
             self._inbox.tell(
                 reset=f"{self._to_reset.srv_name} does not answer: forgotten here alone"
@@ -122,7 +122,7 @@ class ProximityDisplay(Node):
         )
 
     def set_parameters_of_player(self, values: Mapping[str, float]) -> None:
-        """Ask the player for new values; the inbox gets a refusal. Any thread may call."""
+        """Ask the player for new values; the inbox gets a refusal. Any thread may call this."""
         if not self._to_player.service_is_ready():
             self._inbox.tell(player_refusal=f"{self._to_player.srv_name} does not answer")
             return
@@ -137,7 +137,7 @@ class ProximityDisplay(Node):
 
     @property
     def player_knows(self) -> bool:
-        """Whether the player, if any, has agreed to leave alone exactly the held bodies."""
+        """Whether there is no player, or it has agreed to leave alone exactly the held bodies."""
         return not self._to_player.service_is_ready() or self._holds.poses.keys() == self._released
 
     def _declare(self, name: str, default, text: str, **limits):
@@ -145,12 +145,12 @@ class ProximityDisplay(Node):
         return self.declare_parameter(name, default, descriptor).value
 
     def _declare_node(self, name: str, default: str, text: str) -> str:
-        """Declare the name of a node, and return it with its namespace."""
+        """Declare a parameter for the name of a node; return the name with its namespace."""
         value = self._declare(name, default, text)
         try:
             return self.resolve_topic_name(value)
         except RuntimeError as error:
-            why = str(error).partition(", at ")[0]  # else a place in ROS's own source follows
+            why = str(error).partition(", at ")[0]  # the rest is a place in ROS's own source
             reason = f"no node can have this name: {why}"
             raise InvalidParameterValueException(name, value, reason) from error
 
@@ -223,12 +223,12 @@ class ProximityDisplay(Node):
         return self._publishers_of[topic]
 
     def _look_around(self) -> None:
-        """Check who is there, and listen to the meshes only while they are needed."""
+        """Check which nodes are there, and subscribe to the meshes only while they are needed."""
         news = self._inbox.news
         names = self.get_node_names_and_namespaces()
         present = any(f"{space.rstrip('/')}/{name}" == self.monitor for name, space in names)
         if self._asked != self._released or not self._to_player.service_is_ready():
-            # It refused, its answer was lost, or it is gone and another may come: ask again.
+            # The player refused, its answer was lost, or it is gone and may come again: ask again.
             self._asked = self._released = None
         rivals = {
             info.node_name
@@ -243,12 +243,15 @@ class ProximityDisplay(Node):
             self._hear_parts(news.parts is None or bool(self._scene.deforming))
 
     def _is_rival(self, body: str, node: str) -> bool:
-        """Whether a publisher of a held body's topic may publish poses of it."""
+        """Return whether a node that publishes on a held body's topic may publish its poses."""
         agreed = node == self._player and body in (self._released or ())
         return not agreed and node != self.get_fully_qualified_name()
 
     def _hear_parts(self, wanted: bool) -> None:
-        """Large meshes would take a core if read several times a second; once is enough."""
+        """Start or stop listening to ~/parts.
+
+        Reading large meshes several times a second would take a whole core; once is enough.
+        """
         if wanted and self._parts is None:
             self._parts = self.create_subscription(
                 MarkerArray, f"{self.monitor}/parts", self._inbox.put_parts, _LATCHED, raw=True

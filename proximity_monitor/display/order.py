@@ -1,4 +1,4 @@
-"""What comes first: the worse state, then the smaller margin to the pair's own limit."""
+"""The order of pairs: the worse state first, then the smaller margin to the pair's own limit."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ CONTACT_KIND, STOP_KIND, WARN_KIND, STALE_KIND, CLEAR_KIND = range(len(KINDS))
 
 
 def kinds(pairs: Pairs) -> np.ndarray:
-    """Return the place (k,) of each pair's state in KINDS."""
+    """Return each pair's state (k,), as a place in KINDS."""
     return _kinds(pairs.level, pairs.status, pairs.touching)
 
 
@@ -33,14 +33,15 @@ def _kinds(level: np.ndarray, status: np.ndarray, touching: np.ndarray) -> np.nd
 
 
 def margins(pairs: Pairs, scene: SceneInfo, of: np.ndarray) -> np.ndarray:
-    """Return by how much (k,) metres each pair's lower bound is above the limit that matters.
+    """Return by how many metres (k,) each pair's lower bound is above the limit that matters.
 
-    That is `warn` while it is clear and `stop` else; of bodies that touch, the bound alone counts.
+    The limit is `warn` for a clear or stale pair and `stop` for a pair at warn or stop. For bodies
+    that touch it is 0.
 
     Args:
-        pairs: of a tick.
+        pairs: the pairs of a tick.
         scene: has the limits.
-        of: (k,) the pairs' states, places in KINDS.
+        of: (k,) the pairs' states, as places in KINDS.
     """
     warn, stop = scene.limits_of(pairs.names)
     limit = np.where(of >= STALE_KIND, warn, stop)

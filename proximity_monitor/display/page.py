@@ -41,27 +41,27 @@ from proximity_monitor.display.unlisted import unlisted
 from proximity_monitor.display.view import View, place
 
 TABLE_S = 0.08
-"""Seconds between two updates of the numbers: what changes faster cannot be read. A little less
-than a tenth, so that of ten ticks a second each is shown, also one that comes early."""
+"""Seconds between two updates of the numbers; faster changes cannot be read. It is a little less
+than a tenth, so that each of ten ticks a second is shown, also one that comes early."""
 
 LONGEST_S = 0.5
-"""The same for a long list at most: less than what makes it old."""
+"""Maximum seconds between two updates of a long list: less than the time after which it is old."""
 
 CHARACTER_S = 1e-6
-"""Seconds between two updates of a list for each character of its HTML, which browsers read."""
+"""Seconds between two updates of a list per character of its HTML, which the browser must read."""
 
 FAULT_S = 10.0
-"""Seconds for which an error is shown after the last step that failed."""
+"""Seconds for which an error is shown after the last failed step."""
 
 WIDTH = 500
 """Width of the panel, in pixels."""
 
 
 class Page:
-    """What one browser shows: its view, choice, hidden pairs and moment are its own."""
+    """The page of one browser; its view, choice, hidden pairs and moment are its own."""
 
     def __init__(self, client: viser.ClientHandle, shared: Shared) -> None:
-        """Lay the page out in a browser, with what all browsers share."""
+        """Lay the page out in a browser; `shared` is what all browsers share."""
         self._client = client
         self._server = shared.server
         self._session = shared.session
@@ -115,17 +115,17 @@ class Page:
         self._turns.hear_all()
 
     def take_up(self) -> None:
-        """Do what this browser has asked for; comes before each step."""
+        """Run the callbacks of this browser that have come; call this before each step."""
         self._turns.take_up()
 
     def step(self, news: News, told: Connection, now_s: float) -> None:
-        """Bring the page up to date; the part in the hand and its numbers come first."""
+        """Bring the page up to date: first the part in the hand and its numbers, then the rest."""
         with self._client.atomic():
             deforming = () if news.scene is None else news.scene.deforming
             if news.complete:
                 self._begin_step(news)
             else:
-                self._banner.content = ""  # it spoke of the previous scene
+                self._banner.content = ""  # it is about the previous scene
                 self._move.rest()
             shown_s = None if self._shown is None else self._shown.frame.stamp_s
             self._pill.content = pill(
@@ -137,12 +137,12 @@ class Page:
             sitting = self._portraits.sitting
             with self._client.atomic():
                 self._show(news, told, now_s, sitting)
-        self._client.flush()  # else it waits for what else may come
+        self._client.flush()  # otherwise it waits for further messages
         if news.complete:
             self._portraits.note(sitting)
 
     def admit(self, fault: str, now_s: float) -> None:
-        """Show an error of the page's own, and for a while after the last; empty: there is none."""
+        """Show an error of the page, and keep it for `FAULT_S` after the last; empty: no error."""
         if fault:
             self._fault_until_s = now_s + FAULT_S
             text = escape(f"This page failed, and may show old numbers: {fault[:200]}")
@@ -151,7 +151,7 @@ class Page:
             self._fault.content = ""
 
     def _begin_step(self, news: News) -> None:
-        """Take the news, and tell about the part at the gizmo."""
+        """Take the news, and show the part at the gizmo."""
         scene, before = news.scene, self._shown
         if before is None or before.scene.key != scene.key:
             self._build(news)
@@ -159,7 +159,7 @@ class Page:
             self._parts.reshape(news.parts, scene.deforming)
         if self._session_number != self._session.number:
             self._session_number = self._session.number
-            self._choice.at_s = self._choice.seen = None  # there is no such moment any more
+            self._choice.at_s = self._choice.seen = None  # the moment was in another session
         at = self._choice.at_s
         frame = news.frame if at is None else self._at(at)
         self._shown = Shown(scene, frame, news.parts, news.frame)
@@ -179,10 +179,10 @@ class Page:
             self._deciding.show(frame.pairs, scene)
             if told.current:
                 self._beat.show(news.frame, patience_s(scene) - (now_s - news.frame_at_s))
-        if choice.at_s is not None:  # nobody has kept why
+        if choice.at_s is not None:  # the reasons at that moment were not kept
             left = unlisted(frame.pairs, scene, None)
         listed = (frame, scene, self._conflicts.all, replace(choice), left)
-        # Only what is new takes its turn: else the next tick would wait for it.
+        # Only a changed list delays the next update, so that a new tick is shown at once.
         if now_s >= self._table_due_s and listed != self._listed:
             self._listed = listed
             self._table.content = told = table(
@@ -196,7 +196,7 @@ class Page:
         self._event_list.show(news, now_s)
 
     def _at(self, stamp_s: float) -> Frame:
-        """Return the tick at a stamp; of one that was not kept, the pair that is looked back at."""
+        """Return the tick at a stamp; if it was not kept, its known pair, or else the next tick."""
         frame, seen = self._session.at(stamp_s), self._choice.seen
         if seen is not None and frame.stamp_s != stamp_s:
             pair, then = seen
@@ -217,14 +217,14 @@ class Page:
         if drawn != self._drawn:
             self._drawn = drawn
             self._lines.show(frame.pairs, scene, choice)
-        if self._sat is not sitting:  # no picture may show a number of another moment
+        if self._sat is not sitting:  # a picture must not show a label of another moment
             self._sat = sitting
             self._labels.clear()
         labels = [*self._lines.labels, *self._parts.labels()] if cut is None else []
         self._labels.show(labels, view, self._lines.tips, at_once=sitting is not None)
 
     def _build(self, news: News) -> None:
-        """Begin with a scene."""
+        """Build the page's content for a scene."""
         self._client.scene.reset()
         self._choice.ignored = frozenset()
         self._choice.pair = self._choice.body = self._choice.at_s = None
@@ -247,7 +247,7 @@ class Page:
         place(self._client.camera, camera.position, camera.look_at)
 
     def _look_at_all(self, frame: Frame) -> None:
-        """Show all parts, unless the camera was moved already."""
+        """Show all parts, unless the user has moved the camera already."""
         low, high = self._parts.box()
         middle, across = (low + high) / 2.0, float(np.linalg.norm(high - low))
         camera = self._server.initial_camera
@@ -257,7 +257,7 @@ class Page:
         mine = self._client.camera
         if np.allclose(mine.position, before, atol=1e-3 * across):
             place(mine, camera.position, middle)
-        # A monitor's first ticks may come before any poses.
+        # A monitor's first ticks may come before any pose.
         self._all_placed = bool(frame.poses[:, 3:].any(axis=1).all())
 
     def _add_list(self, gui: viser.GuiApi) -> None:
@@ -285,7 +285,7 @@ class Page:
             self._choice.names = names.value
 
     def _on_pick(self, name: str) -> None:
-        """Choose a part that was clicked. Any thread may call."""
+        """Choose the part that was clicked. Any thread may call this."""
         self._turns.submit(self._move.pick, name)
 
     def _on_word(self, word: str) -> None:
@@ -302,7 +302,7 @@ class Page:
             self._on_pair(what, name)
 
     def _on_pair(self, what: str, name: str) -> None:
-        """Do what was pressed at a pair; one that is not there was not pressed, or has gone."""
+        """Handle a press at a pair; ignore a pair that is not on the page or has gone."""
         choice, bodies = self._choice, self._shown.scene.names
         pair = as_pair(name)
         if what == "conflict":
@@ -319,7 +319,7 @@ class Page:
                 self._zoom(self._client)
 
     def _zoom(self, client: viser.ClientHandle) -> None:
-        """Look at the gap of the highlighted pair from the camera's direction, but nearer."""
+        """Look at the highlighted pair's gap from the camera's present direction, but nearer."""
         pairs = self._shown.frame.pairs
         row = pairs.places.get(self._choice.pair)
         if row is None or np.isnan(pairs.points[row]).any():
@@ -332,7 +332,7 @@ class Page:
         place(client.camera, middle + distance * away, middle)
 
     def _return_to_worst(self) -> None:
-        """Hold the two bodies of the worst pair where they were; say which of them cannot be."""
+        """Hold both bodies of the worst pair where they were then; say which of them cannot be."""
         found = self._session.worst(self._choice.pair, self._choice.ignored)
         if found is None or not found[1].placed:
             return

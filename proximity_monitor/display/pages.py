@@ -24,11 +24,11 @@ from proximity_monitor.display.state import SceneInfo
 from proximity_monitor.display.tried import Tried
 
 STEP_S = 0.03
-"""Seconds after which the other browsers wait for the next step, so that many share the time."""
+"""After this many seconds of a step, the other browsers wait for the next: all get a share."""
 
 
 class Pages:
-    """A page for each browser that is connected; what one does wrong the others do not feel."""
+    """A page for each connected browser; an error on one page does not affect the others."""
 
     def __init__(
         self, server: viser.ViserServer, inbox: Inbox, holds: Holds, node: ProximityDisplay
@@ -36,10 +36,10 @@ class Pages:
         """Begin without browsers.
 
         Args:
-            server: brings them.
-            inbox: gives the monitor's messages.
+            server: brings the browsers.
+            inbox: has the monitor's messages.
             holds: the bodies that are held here.
-            node: carries requests to the monitor, and logs.
+            node: sends requests to the monitor and the player, and logs.
         """
         asks = (
             node.set_parameters_of_monitor,
@@ -52,16 +52,16 @@ class Pages:
         self._log = node.get_logger().error
         self._logged: str | None = None
         self._scene: SceneInfo | None = None
-        self._problem = ""  # of the file of conflicts, logged
+        self._problem = ""  # the last logged problem of the file of conflicts
         self._pages: dict[int, Page] = {}
         self._overheard = ""  # an error of a callback since the last step
         server.get_event_loop().set_exception_handler(self._on_error)
 
     def step(self) -> None:
-        """Bring all pages up to date. An error is logged and shown, and the next step tries again.
+        """Bring all pages up to date. Errors are logged and shown, and the next step tries again.
 
-        If what the pages share fails, they wait, and what they show grows old. A browser whose page
-        fails is not the others' concern.
+        If what the pages share fails, all pages show the error and are not updated, so they grow
+        old. If one page fails, only that page shows it.
         """
         overheard, self._overheard = self._overheard, ""
         fault = self._guarded(self._follow)
@@ -69,7 +69,7 @@ class Pages:
         told = connection(news, now_s)
         beside = self._guarded(self._meet) or overheard
         for client in list(self._pages):
-            page = self._pages[client] = self._pages.pop(client)  # the last to have its turn again
+            page = self._pages[client] = self._pages.pop(client)  # now the last in the order
 
             def show(page: Page = page) -> None:
                 page.step(news, told, now_s)
@@ -91,7 +91,7 @@ class Pages:
             shared.events.clear()
         self._scene = news.scene
         shared.holds.follow(news.scene.held)
-        for frame in (*news.passed, news.frame):  # no tick is lost, but only the last is shown
+        for frame in (*news.passed, news.frame):  # every tick counts; only the last is shown
             if frame is shared.session.newest or len(frame.poses) != len(news.scene.moving):
                 continue
             if shared.session.ends_with(frame):
@@ -104,7 +104,7 @@ class Pages:
         self._problem = shared.conflicts.problem
 
     def _meet(self) -> None:
-        """Give each new browser a page; what a browser held that is gone is let go."""
+        """Give each new browser a page, and release what a browser that is gone has held."""
         clients = self._shared.server.get_clients()
         for gone in self._pages.keys() - clients.keys():
             self._pages.pop(gone).hand.leave()
@@ -112,7 +112,7 @@ class Pages:
             self._pages[new] = Page(clients[new], self._shared)
 
     def _guarded(self, step: Callable[[], None]) -> str:
-        """Run a step, log its error, and return it in a line; empty: there was none."""
+        """Run a step. If it fails, log the error and return it as one line; empty: no error."""
         try:
             step()
         except Exception as error:
@@ -120,16 +120,16 @@ class Pages:
         return ""
 
     def _on_error(self, _: asyncio.AbstractEventLoop, context: Mapping[str, Any]) -> None:
-        """Take an error that nobody caught in what a browser's message caused."""
+        """Take an error that no callback caught while it handled a browser's message."""
         error = context.get("exception")
         if isinstance(error, Exception):
             self._overheard = self._tell(error)
 
     def _tell(self, error: Exception) -> str:
-        """Log an error, and return it in a line."""
+        """Log an error, and return it as one line."""
         line = f"{type(error).__name__}: {error}"
         told = f"a page failed, {line}\n{''.join(traceback.format_exception(error))}"
-        if told != self._logged:  # not 25 times a second
+        if told != self._logged:  # otherwise the same error is logged 25 times a second
             self._logged = told
             self._log(told)
         return line

@@ -1,4 +1,4 @@
-"""Long lists a page at a time: each row can be reached, and a browser gets no more than a page."""
+"""Long lists are shown a page at a time: every row can be reached, and a browser gets few rows."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ ROWS = 40
 
 
 def pager(turn: str, first: int, total: int, mark: Callable[[int], str] = str) -> str:
-    """Return as HTML which rows are shown, and what to press for other pages.
+    """Return HTML that says which rows are shown, with links to other pages.
 
     Args:
-        turn: what a press sends, followed by the mark of the page.
-        first: the row with which the page begins.
+        turn: the word that a press sends, followed by the mark of the page.
+        first: the first row of the page.
         total: how many rows there are.
-        mark: returns by which word a page that begins with some row is known.
+        mark: returns the mark of the page that begins with a given row.
     """
     if total <= ROWS:
         return ""
@@ -32,6 +32,6 @@ def pager(turn: str, first: int, total: int, mark: Callable[[int], str] = str) -
 
 
 def page_of(first: int, total: int) -> slice:
-    """Return the rows of the page that begins with a row, or of the last page."""
+    """Return the rows of the page that begins with row `first`; past the end, the last row."""
     first = max(min(first, total - 1), 0)
     return slice(first, first + ROWS)

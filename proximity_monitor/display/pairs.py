@@ -27,10 +27,10 @@ from proximity_monitor.display.state import STALE, STOP, UNKNOWN, WARN, Pairs, S
 from proximity_monitor.display.unlisted import Unlisted, unlisted
 
 FULL_ROWS = 100
-"""So many rows tell all; later ones take one line."""
+"""How many rows have all details; later rows take one line each."""
 
 BAR = 4.0
-"""The bar's full width, in multiples of a pair's warn."""
+"""Full width of a row's bar, in multiples of the pair's warn."""
 
 
 def gap(pairs: Pairs, row: int) -> np.ndarray:
@@ -45,14 +45,14 @@ def table(
     decisions: Decisions | None = None,
     left: Unlisted | None = None,
 ) -> str:
-    """Return the list as HTML, with what people decided about pairs.
+    """Return the list as HTML, with people's decisions about the pairs.
 
     Args:
-        pairs: of the tick that is shown.
-        scene: of the tick.
+        pairs: the pairs of the tick that is shown.
+        scene: the scene of the tick.
         choice: which pairs are listed and how.
-        decisions: about pairs of the scene.
-        left: the pairs that the tick does not list; None: nobody has said why.
+        decisions: people's decisions in the scene.
+        left: the pairs that the tick does not list; None: the reasons are not known.
     """
     decisions, left = decisions or {}, left or unlisted(pairs, scene, None)
     found = listing(pairs, scene, choice, decisions)
@@ -79,7 +79,7 @@ def table(
 
 
 def _start(pairs: Pairs, i: int, scene: SceneInfo, choice: Choice) -> str:
-    """The beginning of a row, up to its state."""
+    """Return the beginning of a row: its attributes and its state."""
     name, shown = "{} - {}".format(*pairs.names[i]), sign(pairs, i, scene)
     chosen = " pm-chosen" if pairs.names[i] == choice.pair else ""
     lower, upper = float(pairs.lower[i]), float(pairs.upper[i])
@@ -130,7 +130,7 @@ def _certainty(pairs: Pairs, i: int, scene: SceneInfo) -> str:
 
 
 def _bar(pairs: Pairs, i: int, scene: SceneInfo) -> str:
-    """A bar from 0 to four times warn: filled to the lower bound, paler to the upper one."""
+    """Return a bar from 0 to `BAR` times warn: solid to the lower bound, paler to the upper one."""
     if pairs.status[i] == UNKNOWN:
         return ""
     limits = scene.thresholds_of(pairs.names[i])

@@ -1,4 +1,4 @@
-"""One body in the scene graph: its mesh with sharp edges, placed each frame."""
+"""The scene nodes of one body: its mesh with sharp edges, placed in each frame."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from proximity_monitor.display.shape import shape_of
 from proximity_monitor.display.state import Body
 
 DIM = 0.08
-"""Opacity of parts that are not highlighted."""
+"""Maximum opacity of parts that are dimmed because others are highlighted."""
 
 _PLACE = 3 * 8
-"""Bytes of a pose's position, which come before those of its quaternion."""
+"""Bytes of a pose's position, which comes before its quaternion."""
 
-# The corners of a box's triangles, for each coordinate 0 if it is the low one.
+# The corners of a box's triangles: for each coordinate 0 for the low and 1 for the high side.
 _SIDE = np.array([(0, 0), (1, 0), (1, 1), (0, 0), (1, 1), (0, 1)]).reshape(2, 3, 2)
 _BOX = np.concatenate([np.insert(_SIDE, axis, end, axis=2) for axis in range(3) for end in (0, 1)])
 
 
 class Coat(NamedTuple):
-    """Some triangles of a part in another colour."""
+    """Triangles of a part that are drawn in another colour."""
 
     corners: np.ndarray
     """(3n, 3) in the part's own frame and the page's units."""
@@ -36,7 +36,7 @@ class Coat(NamedTuple):
 
 
 class PartView:
-    """One body in the scene graph."""
+    """One body in the scene graph. It stands alone with its own nodes, or it is an instance."""
 
     def __init__(
         self,
@@ -48,50 +48,50 @@ class PartView:
         radius: float,
         focal: float,
     ) -> None:
-        """Take a body, which has no nodes before it is shown alone.
+        """Take a body. It gets no nodes until it is shown alone.
 
         Args:
             api: takes the nodes.
-            i: its place in the scene.
-            body: of the scene.
-            part: its looks.
-            scale: units of the page a metre.
-            radius: of a point's ball.
-            focal: length in pixels of the camera; 0 if the body deforms, which is drawn as it is.
+            i: the body's place in the scene.
+            body: the body.
+            part: its shape and colour.
+            scale: units of the page per metre.
+            radius: radius of the ball that shows a point body.
+            focal: focal length of the camera in pixels; 0 if the body deforms: it has no levels.
         """
         self._api = api
         self.name = body.name
         self.path = f"/parts/{i}"
-        """The name of its node."""
+        """The name of its frame node."""
         self.movable = body.topic is not None
         self.pose = IDENTITY if part.pose is None else part.pose
         self.point = body.point
         self.solid, self.off = part.solid, part.off
         self.colour = tuple(round(255 * c) for c in part.colour[:3])
         self.shape = 0
-        """Differs after each change of shape or of coats."""
+        """A number that changes with each change of shape or of coats."""
         self.coats: Sequence[Coat] = ()
-        """What is shown in place of its mesh; empty: the mesh."""
+        """Coloured triangles that replace its mesh; empty: the mesh is shown."""
         self.edges_wanted = True
         self.named = False
         """Whether its name is shown."""
         self.placed = False
         """Whether it has a pose."""
         self.mesh: viser.MeshHandle | viser.BatchedMeshHandle | None = None
-        """None: it was never shown alone."""
+        """Its own mesh; None until it is shown alone."""
         self.opacity = self.usual_opacity = float(part.colour[3])
-        """How opaque it is drawn now, and without a wish."""
+        """Its present opacity, and its opacity if no look sets another."""
         self._frame: viser.FrameHandle | None = None
         self._edges: viser.LineSegmentsHandle | None = None
         self._cut_away = self._reshaped = False
         self._coated: list[viser.MeshHandle] = []
-        self._told: tuple = ()  # what was shown last
-        self._placed_at = b""  # where its own nodes are
+        self._told: tuple = ()  # the arguments of the last `show`
+        self._placed_at = b""  # the pose of its own nodes
         self._radius = radius
         self.whole = whole = shape_of(part, scale, detailed=focal > 0.0)
-        """All of it, however much of that is shown."""
+        """The shape of the part, uncut."""
         self.levels = levels(whole.corners, len(whole.triangles), focal) if focal > 0.0 else ()
-        """From which distance on which share of its triangles is drawn."""
+        """Distances, each with the share of its triangles drawn from there on."""
         self.low, self.high = whole.low, whole.high
         self.edges = whole.edges if not body.point else np.zeros((0, 2, 3))
         """(m, 2, 3) its sharp and open edges, in its own frame and the page's units."""
@@ -99,7 +99,7 @@ class PartView:
             self.low, self.high = self.low - radius, self.high + radius
 
     def stand(self) -> None:
-        """Add its own nodes, if it has none."""
+        """Make the body stand alone: add its own nodes, if it has none."""
         if self._frame is not None:
             return
         api, name, whole = self._api, f"{self.path}/mesh", self.whole
@@ -121,7 +121,7 @@ class PartView:
 
     @property
     def plain(self) -> bool:
-        """Whether it looks as its shape does at first."""
+        """Whether it looks as it did at first, so that it may be drawn as an instance."""
         return not (self._cut_away or self.coats or self._reshaped)
 
     @property
@@ -131,7 +131,7 @@ class PartView:
 
     @property
     def top(self) -> np.ndarray:
-        """The middle of its box's upper side (3,), as `centre`."""
+        """The middle (3,) of its box's upper side, in its own frame and the page's units."""
         return np.array([*self.centre[:2], self.high[2]])
 
     @property
@@ -142,19 +142,19 @@ class PartView:
     def corners(self) -> np.ndarray:
         """Return its triangles' corners (n, 3, 3), in its own frame and the page's units.
 
-        The ball of a point is a box here.
+        A point has the corners of a box about its ball.
         """
         if self.point:
             return np.stack((self.low, self.high))[_BOX, np.arange(3)]
         return self.whole.corners[self.whole.triangles]
 
     def reshape(self, part: Part, scale: float) -> None:
-        """Take another shape; edges are not found again each time."""
+        """Take another shape. Its edges are removed, because finding them again takes too long."""
         self.stand()
         self._reshaped = True
         before, self.solid, self.off = self.whole, part.solid, part.off
         self.whole = whole = shape_of(part, scale, before, detailed=False)
-        if self.levels or whole.flat != before.flat:  # those were of the shape before
+        if self.levels or whole.flat != before.flat:  # the mesh does not fit the new shape
             shown, self.levels = self.mesh.visible, ()
             self.mesh.remove()
             name = f"{self.path}/mesh"
@@ -177,7 +177,7 @@ class PartView:
         return self._meshed(api, name, vertices, triangles, self.opacity)
 
     def coat(self, api: viser.SceneApi, coats: Sequence[Coat]) -> None:
-        """Show triangles of several colours in place of the mesh; without any, the mesh again."""
+        """Show coloured triangles in place of the mesh; with no coats, show the mesh again."""
         for node in self._coated:
             node.remove()
         self.coats = coats
@@ -197,7 +197,7 @@ class PartView:
         return self._meshed(api, name, corners, triangles, self.opacity, colour)
 
     def cut_away(self, cut: bool) -> None:
-        """Hide all of it, because something else is shown instead."""
+        """Hide or show all of it; a section hides it and shows other nodes instead."""
         self._cut_away = cut
         self._show_what_is_left()
 
@@ -211,7 +211,7 @@ class PartView:
             node.visible = not self._cut_away
 
     def _detailed(self, name: str) -> viser.BatchedMeshHandle:
-        """Add its mesh as the one instance of itself: only instances have levels of detail."""
+        """Add its mesh as a single instance, because only instances have levels of detail."""
         return self._api.add_batched_meshes_simple(
             name,
             self.whole.corners,
@@ -250,15 +250,15 @@ class PartView:
         names: bool,
         alone: bool = True,
     ) -> None:
-        """Place it, or hide it while it has no pose; what is as before costs next to nothing.
+        """Place it, or hide it while it has no pose; without a change it returns at once.
 
         Args:
             pose: (7,) in metres, or None.
-            scale: units of the page a metre.
-            look: that people chose.
-            dim: whether others are highlighted.
-            names: whether parts have their names shown.
-            alone: whether it is drawn by its own nodes; else it is an instance among others.
+            scale: units of the page per metre.
+            look: the look that people chose.
+            dim: whether it is dimmed because others are highlighted.
+            names: whether parts show their names.
+            alone: whether its own nodes show it; otherwise it is an instance of a group's mesh.
         """
         placed = b"" if pose is None else pose.tobytes()
         told = (placed, look, dim, names, self._cut_away, self.shape, alone)
@@ -294,6 +294,6 @@ class PartView:
 
 
 def seen(usual: float, look: Look, dim: bool) -> float:
-    """Return how opaque a part is drawn, of which the scene has a usual opacity."""
+    """Return the opacity of a part; `usual` is the scene's."""
     opacity = usual if look.opacity is None else look.opacity
     return min(DIM, opacity) if dim else opacity

@@ -1,4 +1,4 @@
-"""The parts in 3D, placed each frame; many of one shape are instances of one mesh."""
+"""The parts in 3D, placed in each frame; many bodies of one shape are instances of one mesh."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ from proximity_monitor.display.received import Part
 from proximity_monitor.display.state import Frame, SceneInfo
 
 POINT_RADIUS = 0.008
-"""Radius of a point body's ball, in sizes of the scene."""
+"""Radius of the ball that shows a point body, as a share of the scene's size."""
 
 NAMES = 60
-"""How many bodies have their names shown at most."""
+"""Maximum number of bodies whose names are shown."""
 
 MANY = 20
-"""So many bodies of one shape are drawn as instances of one mesh. Fewer are better drawn each by
-itself: where one of them moves, the poses of all instances are sent, and their edges are wires of
-a pixel, which the faces beside them cover in places."""
+"""Minimum number of bodies of one shape that are drawn as instances of one mesh. Fewer are better
+drawn one by one: if one instance moves, the poses of all are sent, and the edges of instances are
+wires of one pixel, which adjacent faces cover in places."""
 
 
 class _Group:
-    """Bodies that are drawn as instances while nothing sets them apart."""
+    """Bodies of one shape, each drawn as an instance while nothing distinguishes it."""
 
     def __init__(self, api: viser.SceneApi, k: int, views: Sequence[PartView], rows: list[int]):
         self.views, self.rows = views, np.array(rows)
@@ -50,7 +50,7 @@ class _Group:
             self.look = counted.most_common(1)[0][0]
 
     def show(self, poses: np.ndarray, scale: float, dim: bool) -> None:
-        """Place those that are drawn, of poses (n, 7) of all bodies."""
+        """Place the instances that are drawn; `poses` (n, 7) are those of all bodies."""
         opacity, edges = seen(self._usual, self.look, dim), self.look.edges and not dim
         self._nodes.show(poses[self.rows], self.drawn, scale, opacity=opacity, edges=edges)
 
@@ -65,18 +65,18 @@ class Parts:
         parts: Sequence[Part],
         focal: float = FOCAL,
     ) -> None:
-        """Add them.
+        """Add the bodies.
 
         Args:
             server: takes the nodes, for all browsers or for one.
             scene: has the bodies.
-            parts: their looks, in its order.
-            focal: length in pixels of the camera.
+            parts: shapes and colours of the bodies, in the scene's order.
+            focal: focal length of the camera in pixels.
         """
         boxes = [part.corners for part in parts if len(part.corners)]
         size = max((float(np.ptp(c, axis=0).max()) for c in boxes), default=1.0) or 1.0
-        # Graphics show only a range of distances, so the largest part of every scene is about one
-        # unit large on the page, whatever its size in metres.
+        # Graphics show only a limited range of distances. So the page's unit makes the largest part
+        # of every scene about one unit large, whatever its size in metres.
         self.scale = 10.0 ** -np.round(np.log10(size))
         self.size = size * self.scale
         self._views: dict[str, PartView] = {}
@@ -98,7 +98,7 @@ class Parts:
     def _together(
         self, api: viser.SceneApi, scene: SceneInfo, parts: Sequence[Part]
     ) -> list[_Group]:
-        """Find the bodies of one shape, where they are many."""
+        """Find the shapes that at least `MANY` bodies have, and make a group for each."""
         alike: dict[tuple, list[int]] = {}
         for i, (body, part) in enumerate(zip(scene.bodies, parts, strict=True)):
             if not (body.point or body.name in scene.deforming):
@@ -106,7 +106,7 @@ class Parts:
                 alike.setdefault(key, []).append(i)
         views, groups = list(self._views.values()), []
         for rows in alike.values():
-            # A checksum says that meshes differ, not that they are the same.
+            # Different checksums prove that meshes differ; equal ones do not prove that they agree.
             rows = [i for i in rows if parts[i].looks_like(parts[rows[0]])]
             if len(rows) >= MANY:
                 group = _Group(api, len(groups), [views[i] for i in rows], rows)
@@ -123,7 +123,7 @@ class Parts:
         return [view for view in self._views.values() if view.placed]
 
     def labels(self) -> list[Label]:
-        """Return the names that are shown, those of the first bodies where they are many."""
+        """Return the names that are shown, at most `NAMES` of them."""
         named = list(islice((view for view in self.shown() if view.named), NAMES))
         poses = np.array([view.pose for view in named]).reshape(-1, 7)
         tops = rotate(poses[:, 3:], np.array([view.top for view in named]).reshape(-1, 3))
@@ -147,9 +147,9 @@ class Parts:
 
         Args:
             frame: the tick to show.
-            held: poses of bodies that are held here, which are newer.
-            choice: whether names are shown.
-            lit: the highlighted bodies; empty: none, and nothing is dim.
+            held: poses of bodies that are held here; they are newer than the tick.
+            choice: has the looks, and whether names are shown.
+            lit: the highlighted bodies; empty: none, and nothing is dimmed.
         """
         poses = self._poses.copy()
         poses[self._moving] = frame.poses
@@ -173,7 +173,7 @@ class Parts:
             group.show(poses, self.scale, bool(lit))
 
     def reshape(self, parts: Sequence[Part], names: Collection[str]) -> None:
-        """Show the new shapes of the bodies that are named, of meshes in the scene's order."""
+        """Show the new shapes of the named bodies; `parts` has all, in the scene's order."""
         for view, part in zip(self._views.values(), parts, strict=True):
             if view.name in names:
                 view.reshape(part, self.scale)

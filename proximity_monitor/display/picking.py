@@ -1,7 +1,7 @@
-"""Which part is under a click.
+"""Finds the part under a click.
 
-The page finds that out itself. If the meshes listened to presses, each would take those on the
-handles behind it, so a part could not be moved by handles that it covers.
+The page does this itself. If the meshes listened to presses, a mesh in front of the gizmo's handles
+would take the presses on them, so a part that covers its own handles could not be moved by them.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from proximity_monitor.display.parts import Parts
 from proximity_monitor.display.section import Plane
 
 FAINT = 0.3
-"""Parts of less opacity than this are seen through, and a click goes through them, too."""
+"""A part of less opacity than this is seen through, so a click goes through it as well."""
 
 OnPick = Callable[[str], None]
 
@@ -30,9 +30,9 @@ def listen(
     section: Callable[[], Plane | None],
     on_pick: OnPick,
 ) -> None:
-    """Call `on_pick` with the name of each part that can be moved and is clicked."""
+    """Call `on_pick` with the name of each movable part that is clicked."""
 
-    # Not a coroutine, so that viser runs it in a thread: large meshes take a while.
+    # Not a coroutine, so that viser does not run it in the server's thread: large meshes take long.
     @api.on_click()
     def _(event: viser.SceneClickEvent) -> None:
         views, direction = parts(), np.array(event.ray_direction)
@@ -44,18 +44,18 @@ def listen(
 
 
 class Ray(NamedTuple):
-    """In the page's units."""
+    """A ray, or a piece of it, in the page's units."""
 
     origin: np.ndarray
     """(3,)"""
     direction: np.ndarray
     """(3,) of any length."""
     end: float = math.inf
-    """Where it ends, in lengths of its direction; negative: it is empty."""
+    """Where the ray ends, in lengths of its direction; negative: it is empty."""
 
 
 def kept(origin: np.ndarray, direction: np.ndarray, plane: Plane | None) -> Ray:
-    """Return the part of a ray in the half that a section leaves."""
+    """Return the part of a ray in the half-space that a section leaves."""
     if plane is None:
         return Ray(origin, direction)
     height, rise = (origin - plane.middle) @ plane.normal, direction @ plane.normal
@@ -68,11 +68,11 @@ def kept(origin: np.ndarray, direction: np.ndarray, plane: Plane | None) -> Ray:
 
 
 def part_under(ray: Ray, parts: Parts) -> str | None:
-    """Return the first movable part on a ray, unless an opaque fixed part is before it.
+    """Return the first movable part on a ray; None if an opaque fixed part comes before it.
 
     Args:
-        ray: of the pointer.
-        parts: where they are shown.
+        ray: the pointer's ray.
+        parts: the parts as they are shown.
     """
     hits = [
         (_distance(ray.origin, ray.direction, view, parts.scale), view) for view in parts.shown()
@@ -98,16 +98,16 @@ def _distance(origin: np.ndarray, direction: np.ndarray, view: PartView, scale: 
 def first_hit(
     origin: np.ndarray, direction: np.ndarray, low: np.ndarray, high: np.ndarray, corners
 ) -> float:
-    """Return where a ray meets triangles first, in lengths of `direction`; infinite: nowhere.
+    """Return where a ray first meets a triangle, in lengths of `direction`; infinite: nowhere.
 
     Source: Moeller and Trumbore, Fast, Minimum Storage Ray/Triangle Intersection, 1997.
 
     Args:
         origin: (3,).
         direction: (3,).
-        low: (3,) the triangles' box.
-        high: (3,).
-        corners: (n, 3, 3).
+        low: (3,) low corner of the triangles' box.
+        high: (3,) high corner.
+        corners: (n, 3, 3) of the triangles.
     """
     middle, radius = (low + high) / 2.0, np.linalg.norm(high - low) / 2.0
     if np.linalg.norm(np.cross(middle - origin, direction)) > radius * np.linalg.norm(direction):

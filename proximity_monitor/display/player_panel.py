@@ -1,4 +1,4 @@
-"""Play, pause, speed and seek: the panel of the player, which moves the bodies of all browsers."""
+"""The panel of the player: play, pause, speed and seek. It moves the bodies for all browsers."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from proximity_monitor.display.inbox import News
 from proximity_monitor.display.state import Playing, SceneInfo
 
 ASK_S = 0.2
-"""Seconds between two requests to the player while a slider is dragged."""
+"""Minimum seconds between two requests to the player while a slider is dragged."""
 
 HAND_S = 1.0
-"""Seconds after a request until the slider may move by itself."""
+"""Seconds after a request during which the slider stays, unless the player reports its motion."""
 
 LEAST_S = 60.0
-"""A motion without a period can be sought up to here, or to twice where it is."""
+"""The slider of a motion without a period reaches to here, or to the next power of ten seconds."""
 
 SPEED_MOST = 1000.0
-"""The player takes no higher speed."""
+"""Highest speed that the player takes."""
 
 NONE = "No player publishes a motion."
 ENDED = (
@@ -34,7 +34,7 @@ class PlayerPanel:
     """Sets the player's own parameters."""
 
     def __init__(self, gui: viser.GuiApi, ask: Callable[[Mapping[str, float]], None]) -> None:
-        """Add it at this place of the GUI; `ask` sends parameters to the player."""
+        """Add the panel at the current place of the GUI; `ask` sends parameters to the player."""
         self._ask = ask
         self._scene: SceneInfo | None = None
         self._playing: Playing | None = None
@@ -42,7 +42,7 @@ class PlayerPanel:
         self._asked_s = -math.inf
         with gui.add_folder("Motion"):
             self._note = gui.add_html("")
-            # Two buttons: one for both would do the other thing for who presses it a moment late.
+            # One button for both would do the opposite if it were pressed a moment late.
             self._play = gui.add_button("Play", icon=viser.Icon.PLAYER_PLAY)
             self._pause = gui.add_button("Pause", icon=viser.Icon.PLAYER_PAUSE)
             self._speed = gui.add_number(
@@ -65,7 +65,7 @@ class PlayerPanel:
 
         @self._speed.on_update
         def _(event: viser.GuiEvent) -> None:
-            # While it is paused, this is the speed at which it will go on.
+            # While the player is paused, the field holds the speed for the next Play.
             if event.client is not None and self._playing is not None and self._playing.speed:
                 self._wanted["speed"] = self._speed.value
 
@@ -75,7 +75,7 @@ class PlayerPanel:
                 self._wanted["seek_s"] = self._seek.value
 
     def show(self, news: News, now_s: float) -> None:
-        """Send what is wanted, and follow the player."""
+        """Send new values to the player, and show the player's state."""
         before, self._playing = self._playing, news.playing
         if self._scene is not None and self._scene.key != news.scene.key:
             self._wanted.clear()  # it was meant for the motion of that scene

@@ -1,4 +1,4 @@
-"""Clearance over time beside its thresholds."""
+"""The plot of clearance over time, with the thresholds."""
 
 from __future__ import annotations
 
@@ -18,36 +18,36 @@ LOG, LIMITS = "Log", "Limits"
 _LIMITS = ("warn", "stop")
 
 ABOVE = 3.0
-"""The scale of the limits reaches to so many times warn."""
+"""The scale LIMITS reaches to this many times warn."""
 
 DEEP = 1.0
-"""No scale reaches further below contact than so many times warn for a lower bound alone: a search
-that was cut may leave it anywhere."""
+"""For a lower bound alone, no scale reaches further below contact than this many times warn: a
+search that the budget cut may leave the lower bound anywhere."""
 
 HEIGHT = 150
-"""Pixels, with those below."""
+"""Pixels of the plot's height, with the numbers below it."""
 
 BELOW = 30
-"""Pixels that the numbers below the plot take."""
+"""Pixels of the numbers below the plot."""
 
 PADDING = (8, 24, 0, 0)
-"""Pixels above, right, below and left: half of the uppermost number is above the plot."""
+"""Pixels above, right, below and left; the uppermost number extends half above the plot."""
 
 LABEL = 12
-"""Least pixels between two numbers beside the plot."""
+"""Minimum pixels between two numbers beside the plot."""
 
 MISSED = 5.0
-"""Nobody knows what was between two ticks so many periods apart."""
+"""If two ticks are more than this many periods apart, the clearance between them is not known."""
 
 COVER = "#e4e6ea"
-"""The colour of the times that nobody knows."""
+"""The colour that covers times at which the clearance is not known."""
 
 
 class Plot:
     """The plot of one page, of the highlighted pair or of the smallest clearance of all."""
 
     def __init__(self, gui: viser.GuiApi, session: Session, choice: Choice) -> None:
-        """Add it at this place of the GUI."""
+        """Add the plot at the current place of the GUI."""
         self._gui = gui
         self._session = session
         self._choice = choice
@@ -58,15 +58,15 @@ class Plot:
         self._scale = gui.add_dropdown("Scale", (LOG, LIMITS))
 
     def show(self, scene: SceneInfo, start: float) -> None:
-        """Draw the session so far, which began at a stamp; what is not known is covered.
+        """Draw the session so far, which began at the stamp `start`; cover times not known.
 
-        Thresholds are drawn where they hold for all that is drawn. Of pairs with unlike ones the
-        smallest clearance has none, and their own are shown with each.
+        Thresholds are drawn if they hold for the whole curve. If the thresholds of pairs differ,
+        the curve of the smallest clearance has none; each highlighted pair is shown with its own.
         """
         pair, ignored = self._choice.pair, self._choice.ignored
         stamps, lower, upper = self._session.series(pair, ignored)
         if len(stamps) < 2:
-            self._clear()  # it may be of another scene
+            self._clear()  # the old plot may be of another scene
             return
         unit = scene.unit
         lower, upper = lower / unit.to_metre, upper / unit.to_metre
@@ -82,8 +82,8 @@ class Plot:
         data += [cover, *(np.full(len(rows), x) for x in (warn, stop) if shared is not None)]
         looks = {"series": _series(unit.symbol)[: len(data)], **_scales(scale, limits)}
         if self._plot is None or looks != self._looks:
-            # Another look of the same plot would make a browser forget which times it shows: the
-            # page begins another plot, and so does not tell it the title, which changes more often.
+            # If the look of a plot changed, a browser would forget which times it shows. So another
+            # plot is made. The title changes more often, so it is not part of the plot.
             self._clear()
             self._looks = looks
             with self._holder:
@@ -114,7 +114,7 @@ class Plot:
 
 
 def shared_limits(scene: SceneInfo, ignored: Collection[PairName]) -> Thresholds | None:
-    """Return the thresholds of all pairs that are not ignored; None: warn or stop differ."""
+    """Return the thresholds that all pairs not ignored share; None if their warn or stop differ."""
     own = [limits for pair, limits in scene.own_thresholds.items() if pair not in ignored]
     every = own if own and len(own) >= scene.pairs - len(ignored) else [scene.thresholds, *own]
     return every[0] if len({(limits.warn, limits.stop) for limits in every}) == 1 else None
@@ -123,11 +123,11 @@ def shared_limits(scene: SceneInfo, ignored: Collection[PairName]) -> Thresholds
 def covered(
     stamps: np.ndarray, known: np.ndarray, period_s: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return which ticks to draw, and where to cover what nobody knows.
+    """Return which ticks to draw, and where to cover times at which the clearance is not known.
 
-    To uPlot only null is a gap, and viser sends numbers alone: it would draw a straight line there.
-    So that line is covered: the cover is 1 from the last known tick to the next and 0 else, and
-    steps at ticks that come twice.
+    For uPlot only null is a gap, but viser sends numbers alone, so uPlot would draw a straight line
+    there. The cover hides that line: it is 1 from the last known tick before a gap to the next, and
+    0 elsewhere. It steps at ticks that are listed twice.
 
     Args:
         stamps: (n,) seconds, ascending.
@@ -135,14 +135,14 @@ def covered(
         period_s: seconds between two ticks of the monitor.
 
     Returns:
-        For each of m points: the tick where it is, the tick whose bounds it has, the cover.
+        For each of m points: the tick of its time, the tick of its bounds, the cover.
     """
     last = len(stamps) - 1
     at = np.flatnonzero(known)
     if not len(at):
         both = np.array([0, last])
         return both, both, np.ones(2)
-    # Long sessions keep and show fewer ticks, and a busy monitor has fewer.
+    # Long sessions keep and plot fewer ticks, and a busy monitor makes fewer.
     longest_s = MISSED * max(period_s, float(np.median(np.diff(stamps))))
     steps = np.flatnonzero((np.diff(at) > 1) | (np.diff(stamps[at]) > longest_s))
     begins, ends = at[steps], at[steps + 1]
@@ -151,7 +151,7 @@ def covered(
     if at[-1] < last:
         begins, ends = np.append(begins, at[-1]), np.append(ends, last)
     places = np.concatenate((at, begins, ends))
-    # A cover begins after what is known at its first tick, and ends before that of its last.
+    # A cover begins after the point of its first tick, and ends before the point of its last.
     after = np.repeat((0.0, 0.25, -0.25), (len(at), len(begins), len(ends)))
     order = np.argsort(places + after, kind="stable")
     rows = np.clip(places, at[0], at[-1])
@@ -159,34 +159,34 @@ def covered(
 
 
 def scale_of(kind: str, limits: Thresholds, lower: np.ndarray, upper: np.ndarray) -> dict:
-    """Return the scale of the clearances, in which contact and the thresholds are always seen.
+    """Return the scale of the clearances; it always includes contact and the thresholds.
 
     Args:
         kind: LOG or LIMITS.
         limits: the thresholds, in the unit of the plot.
-        lower: (n,) lower bounds to show, in the same; NaN where nothing is known.
+        lower: (n,) lower bounds to show, in the same unit; NaN where nothing is known.
         upper: (n,) upper bounds.
     """
     warn = max(limits.warn, limits.stop, 1e-9)
     uppers = upper[np.isfinite(upper)]
-    # An overlap is certain as far as the upper bound says.
+    # The upper bound proves an overlap of its depth, so the scale includes all of that.
     low = min(
         max(float(np.nanmin(lower, initial=0.0)), -DEEP * warn), float(uppers.min(initial=0.0))
     )
     if kind == LIMITS:
         return {"auto": False, "range": (max(_round(low), -ABOVE * warn), ABOVE * warn)}
     high = float(uppers.max(initial=ABOVE * warn))
-    # The hyperbolic sine's inverse is linear near zero, so contact and overlaps have a place, and
-    # logarithmic far from it.
+    # The inverse hyperbolic sine is linear near zero, so contact and overlaps have a place. Far
+    # from zero it is logarithmic.
     bend = max(limits.stop, 0.1 * warn)
     return {"auto": False, "range": (_round(low), _round(high)), "distr": 4, "asinh": bend}
 
 
 def ticks(scale: dict, limits: Thresholds) -> tuple[float, ...]:
-    """Return the clearances (k,), ascending, whose numbers stand beside a logarithmic scale.
+    """Return the clearances (k,), ascending, that get a number beside a logarithmic scale.
 
-    The thresholds and contact come first, then tenfolds, the greatest first, then halves and fifths
-    of them; what is too near to one before is left out.
+    Candidates are the thresholds and contact, then powers of ten from the greatest down, then five
+    and two times these. A candidate too near to an earlier one is left out.
 
     Args:
         scale: from `scale_of`.
@@ -201,7 +201,7 @@ def ticks(scale: dict, limits: Thresholds) -> tuple[float, ...]:
     wanted = [limits.stop, limits.warn, 0.0]
     for factor in (1, 5, 2):
         for power in powers:
-            value = float(f"{factor}e{power}")  # a product would have digits that no one wants
+            value = float(f"{factor}e{power}")  # a product could have rounding digits
             wanted += [value, -value]
     found: list[float] = []
     for value in wanted:
@@ -212,9 +212,9 @@ def ticks(scale: dict, limits: Thresholds) -> tuple[float, ...]:
 
 
 def _round(value: float) -> float:
-    """Return a number not nearer to zero that is 1, 2 or 5 times a power of ten, or zero.
+    """Return the next number away from zero that is 1, 2 or 5 times a power of ten, or zero.
 
-    A browser makes a plot anew whenever its scale changes, so that should not be with each tick.
+    A browser makes a plot again whenever its scale changes, so the scale changes in coarse steps.
     """
     if value == 0.0:
         return 0.0
@@ -224,14 +224,14 @@ def _round(value: float) -> float:
 
 
 def _scales(scale: dict, limits: Thresholds) -> dict:
-    """Return what uPlot takes for the scales and for the numbers beside them."""
+    """Return uPlot's options for the scales and for the numbers beside them."""
     beside: dict = {"size": 60}
     if "asinh" in scale:
-        # uPlot's own choice on this scale leaves out tenfolds by their place in a list, so it may
-        # have no number but 0, and it never has the thresholds.
+        # On this scale uPlot drops powers of ten by their place in a list, so 0 may be the only
+        # number left, and it never marks the thresholds.
         at = ticks(scale, limits)
         beside |= {"splits": at, "filter": at, "values": tuple(f"{x:g}" for x in at)}
-    cover = {"auto": False, "range": (0.1, 0.9)}  # over the edges, as the curves are
+    cover = {"auto": False, "range": (0.1, 0.9)}  # so that 0 and 1 lie beyond the edges
     return {
         "scales": {"x": {"time": False}, "y": scale, "cover": cover},
         "axes": ({"size": BELOW}, beside),
@@ -239,7 +239,7 @@ def _scales(scale: dict, limits: Thresholds) -> dict:
 
 
 def _series(symbol: str) -> tuple[dict, ...]:
-    """The times, then what is drawn, the uppermost last."""
+    """Return uPlot's options for the times and for each curve; the last is drawn on top."""
     return (
         {"label": "s"},
         {"label": f"lower [{symbol}]", "stroke": "#0072b2", "width": 1.5},

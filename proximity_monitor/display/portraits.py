@@ -1,8 +1,8 @@
 """Pictures of one pair at one moment, drawn by the browser that asks for them.
 
-One shows whole parts. Where the gap is small on it, another shows the gap itself, in a section.
-That one is seen from the same place through a longer lens, because pictures show nothing that is
-nearer to the camera than a hundredth of the page's unit.
+A picture shows whole parts. If the gap is small on it, a second picture shows the gap itself, in a
+section. The second one is seen from the same place with a longer focal length, because pictures do
+not show anything nearer to the camera than a hundredth of the page's unit.
 """
 
 from __future__ import annotations
@@ -23,74 +23,75 @@ from proximity_monitor.display.state import Frame
 from proximity_monitor.display.view import FILL, LEAST, View, facing
 
 SIZE = (960, 600)
-"""Pixels of a picture at most."""
+"""Maximum width and height of a picture, in pixels."""
 
 TRIAL, TRIALS = (8, 8), 2
-"""Pixels and number of pictures that are thrown away. A browser adds and removes meshes a frame
-after it is told to, and labels two frames after; once it has answered these, it has done so."""
+"""Size in pixels and number of trial pictures, which are thrown away. A browser adds and removes
+meshes one frame after it is told to, and labels two frames after. Once it has answered the trials,
+it has done so."""
 
 PATIENCE_S = 30.0
-"""Seconds after which a browser that has sent no picture will send none."""
+"""Seconds to wait for a browser's picture before giving up."""
 
 SIDES = 4.0
-"""Distance of the camera to a gap, in widths of the gap, or farther: see `CONTEXT`."""
+"""Distance of the camera to a gap, in widths of the gap; see also `CONTEXT`."""
 
 CONTEXT = 0.6
-"""The same at least, in sizes of the scene, so that one sees where on the parts the gap is."""
+"""Minimum distance of the camera, in sizes of the scene, to show where on the parts the gap is."""
 
 SMALL = 60.0
-"""Pixels; a gap that is smaller on the picture has another one."""
+"""If a gap has fewer pixels than this on its picture, there is a second picture of the gap."""
 
 DETAIL = 0.04
-"""Of a contact that one shows as much as of a gap of so many sizes of the scene."""
+"""The picture of a contact shows as much as that of a gap of this many sizes of the scene."""
 
 
 class Sitting(NamedTuple):
-    """What the page shows for a picture, instead of what its user looks at."""
+    """What the page shows for a picture, instead of the user's own view and moment."""
 
     frame: Frame
     pair: PairName
     view: View
     cut: Plane | None = None
-    """Of the section; None: whole parts, with labels."""
+    """The plane of the section; None: whole parts, with labels."""
 
 
 class Portraits:
-    """Takes pictures. Meanwhile the 3D view of that browser shows other moments."""
+    """Takes pictures. Meanwhile the 3D view of that browser shows the picture's moment."""
 
     def __init__(self, client: viser.ClientHandle, hide_gizmo: Callable[[bool], None]) -> None:
         """Begin without a picture to take."""
         self._client = client
         self._hide_gizmo = hide_gizmo
         self._one_at_a_time = threading.Lock()
-        self._lock = threading.Lock()  # of what follows
+        self._lock = threading.Lock()  # guards the fields below
         self._parts: Parts | None = None
         self._is_shown = threading.Event()
         self.sitting: Sitting | None = None
-        """What the page has to show; None: what its user looks at."""
+        """What the page has to show for a picture; None: what its user looks at."""
 
     def begin(self, parts: Parts) -> None:
-        """Take the parts of another scene; of the previous one there is no picture any more."""
+        """Switch to the parts of another scene; end a picture of the previous scene."""
         with self._lock:
             self._parts, self.sitting = parts, None
-            self._is_shown.set()  # so that nobody waits for it
+            self._is_shown.set()  # `_take` must not wait for it any more
 
     def note(self, sitting: Sitting | None) -> None:
-        """Take what a step of the page has shown, after its end: one that failed has shown none."""
+        """Note what a step of the page has shown. Call this only after a step that succeeded."""
         with self._lock:
             if sitting is not None and sitting is self.sitting:
                 self._is_shown.set()
 
     def take(self, frame: Frame, pair: PairName, parts: Parts) -> np.ndarray:
-        """Return a picture (height, width, 3), on white; not for the thread of the page's steps.
+        """Return a picture (height, width, 3) on white. Do not call this in the page's own thread.
 
         Args:
-            frame: the moment, with that pair.
-            pair: stands out.
-            parts: of the page, when that was a moment of its scene.
+            frame: the moment; it has the pair.
+            pair: the pair to highlight.
+            parts: the page's parts at the time when the moment was chosen.
 
         Raises:
-            RuntimeError, TimeoutError: the browser sent none, or the page has another scene now.
+            RuntimeError, TimeoutError: the page has another scene now, or no picture came.
         """
         return self._take(self._whole(frame, pair, parts), parts)
 
@@ -153,7 +154,7 @@ def _aimed(
     """Return a view across a gap, from the camera's side.
 
     Args:
-        ends: (2, 3) of the gap, in the page's units as all that follows.
+        ends: (2, 3) the ends of the gap. All lengths are in the page's units.
         position: (3,) of the camera.
         size: of the scene.
         picture: width and height in pixels.
@@ -164,15 +165,15 @@ def _aimed(
 
 
 def _close(whole: Sitting, ends: np.ndarray, detail: float) -> Sitting | None:
-    """Return a view in which a gap fills as much as after *Zoom to the gap*.
+    """Return a sitting in which a gap fills as much of the picture as after *Zoom to the gap*.
 
     Args:
-        whole: a view across the gap.
-        ends: (2, 3) of the gap, in the page's units.
-        detail: what is shown where there is none, in the same.
+        whole: a sitting across the gap.
+        ends: (2, 3) the ends of the gap, in the page's units.
+        detail: the length to show if the gap is 0, in the page's units.
 
     Returns:
-        None: it is not small as it is.
+        None if the gap is not small in `whole`.
     """
     view, across = whole.view, float(np.linalg.norm(ends[1] - ends[0]))
     away = ends.mean(axis=0) - view.position

@@ -23,7 +23,7 @@ from proximity_monitor.display.state import (
 from proximity_monitor.scene.state import silence
 
 _KINDS = {2: "u1", 4: "u2", 5: "i4", 6: "u4", 8: "f8"}
-"""Of the numbers in a cloud, by the codes of `sensor_msgs/PointField`."""
+"""Types of the numbers in a cloud, by the codes of `sensor_msgs/PointField`."""
 
 _POINTS = ("x", "y", "z", "x_b", "y_b", "z_b")
 _READ = {
@@ -34,7 +34,7 @@ _READ = {
 
 
 class OfAnotherSceneError(ValueError):
-    """A message belongs to another scene than the one that is known."""
+    """A message belongs to another scene than the known one."""
 
 
 def read_pairs(data: bytes, scene: SceneInfo) -> tuple[float, Pairs]:
@@ -44,8 +44,8 @@ def read_pairs(data: bytes, scene: SceneInfo) -> tuple[float, Pairs]:
         The stamp of the tick in seconds, and its pairs.
 
     Raises:
-        OfAnotherSceneError: its bodies are not those of `scene`.
-        ValueError: it is not what a monitor publishes.
+        OfAnotherSceneError: the message's bodies are not those of `scene`.
+        ValueError: the message is not what a monitor publishes.
     """
     reader = Reader(data)
     stamp_s = reader.stamp_s()
@@ -74,7 +74,7 @@ def read_pairs(data: bytes, scene: SceneInfo) -> tuple[float, Pairs]:
 
 
 def _rows(reader: Reader, count: int) -> np.ndarray:
-    """Return the points of a cloud as records (count,), by its own account of its fields."""
+    """Return the points of a cloud as records (count,), laid out as the cloud says."""
     names, kinds, offsets = [], [], []
     for _ in range(reader.count()):
         names.append(reader.text())
@@ -96,7 +96,7 @@ def _rows(reader: Reader, count: int) -> np.ndarray:
 
 @lru_cache(maxsize=16)
 def _names(bodies: Sequence[str], places: bytes) -> PairNames:
-    """Return the pairs' names: one object for the same pairs, as most ticks share them."""
+    """Return the names of the pairs: the same object for equal pairs, which most ticks share."""
     known, count = _known(bodies), len(bodies)
     a, b = np.frombuffer(places, "<u4").reshape(-1, 2).T.astype(np.int64)
     if len(a) and max(a.max(), b.max()) >= count:
@@ -109,14 +109,14 @@ def _names(bodies: Sequence[str], places: bytes) -> PairNames:
 
 @lru_cache(maxsize=2)
 def _known(bodies: Sequence[str]) -> dict[int, tuple[str, str]]:
-    """Return the names of the scene's pairs that ticks listed: the same objects for each tick."""
+    """Return a cache of the scene's pair names, so that each tick uses the same objects."""
     return {}
 
 
 def _silent(
     rows: np.ndarray, names: PairNames, level: np.ndarray, words: Sequence[str]
 ) -> tuple[tuple[str, ...], Mapping[int, tuple[str, ...]]]:
-    """Return for each pair why its bodies are silent, and by row which are."""
+    """Return, for each pair, why its bodies are silent, and by row which bodies are silent."""
     found, mute = [""] * len(rows), {}
     stale = np.flatnonzero(level == STALE)
     codes = zip(rows["silent_a"][stale].tolist(), rows["silent_b"][stale].tolist(), strict=True)
@@ -130,7 +130,7 @@ def _silent(
 def _silence(
     pair: tuple[str, str], codes: tuple[int, int], words: tuple[str, ...]
 ) -> tuple[str, tuple[str, ...]]:
-    """Return why a pair's bodies are silent, and which are: the same from tick to tick."""
+    """Return why a pair's bodies are silent, and which are; cached, as ticks repeat it."""
     told = {
         name: _word(code, words, "no news") for name, code in zip(pair, codes, strict=True) if code
     }
@@ -140,7 +140,7 @@ def _silence(
 def _features(
     rows: np.ndarray, level: np.ndarray, words: Sequence[str]
 ) -> Mapping[int, tuple[str, str]]:
-    """Return on what the closest points lie, by row, where that is told."""
+    """Return by row on what the closest points lie, for pairs at warn or stop that tell it."""
     near = (level == WARN) | (level == STOP)
     found = {}
     for i in np.flatnonzero(near & (rows["element_a"] >= 0)).tolist():
@@ -155,7 +155,7 @@ def _features(
 
 
 def _word(code: int, words: Sequence[str], otherwise: str) -> str:
-    """Return what a number stands for; a new word may come a moment later, with ~/scene."""
+    """Return the word for a code; a new word may come a moment later, with the next ~/scene."""
     return words[code - 1] if 0 < code <= len(words) else otherwise
 
 
@@ -166,7 +166,7 @@ def read_poses(data: bytes) -> tuple[float, np.ndarray]:
         The stamp in seconds, and the poses (m, 7): x y z, quaternion w x y z.
 
     Raises:
-        ValueError: it is not what a monitor publishes.
+        ValueError: the message is not what a monitor publishes.
     """
     reader = Reader(data)
     stamp_s = reader.stamp_s()
@@ -177,7 +177,7 @@ def read_poses(data: bytes) -> tuple[float, np.ndarray]:
 
 
 class Part:
-    """A body as ~/parts shows it."""
+    """A body as ~/parts shows it: pose, colour and triangles."""
 
     def __init__(
         self,
@@ -188,14 +188,14 @@ class Part:
         solid: bool = True,
         off: float = 0.0,
     ) -> None:
-        """Keep what is told.
+        """Keep the values.
 
         Args:
             pose: (7,), or None.
             colour: (4,) red, green, blue, opacity.
             corners: (3n, 3) of the triangles, metres.
             normals: (3n, 3) unit normals of the surface there; None: all triangles are flat.
-            solid: whether the body has an inside; of points and lines it means nothing.
+            solid: whether the body has an inside; it has no meaning for points and lines.
             off: metres; how far the triangles are at most from the body; inf: not known.
         """
         self.pose = pose
@@ -206,7 +206,7 @@ class Part:
         self.off = off
 
     def looks_like(self, other: Part) -> bool:
-        """Whether both have the same triangles and normals."""
+        """Return whether both have the same triangles and normals."""
         if (self.normals is None) != (other.normals is None):
             return False
         same = self.normals is None or np.array_equal(self.normals, other.normals)
@@ -214,10 +214,10 @@ class Part:
 
 
 def read_parts(data: bytes) -> list[Part]:
-    """Read ~/parts, a serialised MarkerArray with one marker a body in the scene's order.
+    """Read ~/parts, a serialised MarkerArray with a marker for each body in the scene's order.
 
     Raises:
-        ValueError: it is not what a monitor publishes.
+        ValueError: the message is not what a monitor publishes.
     """
     reader = Reader(data)
     return [_part(reader) for _ in range(reader.count())]
@@ -239,7 +239,7 @@ def _part(reader: Reader) -> Part:
     corners = reader.array("f8", 3 * count).reshape(-1, 3)
     reader.skip(4, 4 * reader.count())  # colours of the points
     reader.text()  # texture_resource
-    reader.stamp_s()  # the texture: header, format and data
+    reader.stamp_s()  # the texture: header (stamp, frame_id), format and data
     reader.text()
     reader.text()
     reader.skip(1, reader.count())

@@ -21,35 +21,35 @@ from proximity_monitor.display.unlisted import reason, sign_of
 from proximity_monitor.display.view import View
 
 CONTROLS = "56px"
-"""Height of what is below the report: play, pause and seek."""
+"""Height of the controls below the report: play, pause and seek."""
 
 FRAMES = 400
-"""How many moments of the session it contains at most, beside the last."""
+"""Maximum number of moments of the session in the file, besides the last one."""
 
 PAUSE_S = 10.0
-"""Seconds after which it goes on at the latest, however long no tick came."""
+"""Maximum seconds of a pause in the replay, however long no tick came."""
 
 
 def replay_html(
     scene: SceneInfo, parts: Sequence[Part], session: Session, choice: Choice, camera: np.ndarray
 ) -> str:
-    """Return the document.
+    """Return the replay as an HTML document.
 
-    It ends with the session's last tick. Longer pauses than `PAUSE_S` are cut to that.
+    It ends with the session's last tick. Pauses longer than `PAUSE_S` are cut to that.
 
     Args:
-        scene: of the session.
-        parts: its bodies' meshes.
-        session: with at least one frame.
-        choice: the ignored pairs, and how many are drawn.
-        camera: (2, 3) its position and its target, in the page's units.
+        scene: the scene of the session.
+        parts: the meshes of its bodies.
+        session: the session, with at least one frame.
+        choice: the highlighted and the ignored pairs, and how many pairs are drawn.
+        camera: (2, 3) the position and the target of the camera, in the page's units.
     """
     kept = session.frames
     frames = kept[:: -(-len(kept) // FRAMES)]
     played = f"{len(frames)} of {len(kept)} kept ticks"
     if frames[-1] is not session.newest:
         frames.append(session.newest)
-    # A server of its own that nobody connects to, so that no open page plays along.
+    # Use a server to which nobody connects, so that no open page shows the replay's moments.
     server = serving.serve("127.0.0.1", 0, "")
     try:
         views = Parts(server, scene, parts)
@@ -72,13 +72,13 @@ def replay_html(
 
 
 def report(scene: SceneInfo, session: Session, last: Frame, played: str) -> str:
-    """Return the table of all pairs that were listed: the smallest clearance, and the last one.
+    """Return a table of all pairs that were listed, with their smallest and last clearances.
 
     Args:
-        scene: of the session.
-        session: with at least one frame.
+        scene: the scene of the session.
+        session: the session, with at least one frame.
         last: its last tick.
-        played: how much of the session is.
+        played: says how much of the session the replay plays.
     """
     unit, pairs = scene.unit, last.pairs
     rows = []

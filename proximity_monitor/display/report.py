@@ -1,4 +1,4 @@
-"""The report of a session's conflicts: one HTML file that needs nothing else, and a table."""
+"""The report of a session's conflicts: one self-contained HTML file, and a table."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ from proximity_monitor.display.snapshot import Snapshot
 from proximity_monitor.display.state import Frame, SceneInfo, Unit
 
 PICTURES = 40
-"""So many conflicts have a picture, the worst."""
+"""How many conflicts have a picture, the worst first."""
 
 EVENTS = 50
-"""So many changes of state of a conflict are told, the newest."""
+"""How many changes of state the report lists for each conflict, the newest."""
 
 PICTURED = 5
-"""So many changes of state of a conflict have a picture, the newest."""
+"""How many changes of state of each conflict have a picture, the newest."""
 
 EVENT_PICTURES = 40
-"""So many changes of state have one at most, of the worst conflicts."""
+"""How many changes of state have a picture in the whole report, those of the worst conflicts."""
 
 _HEAD = """<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8">
@@ -60,16 +60,16 @@ def report_html(
     span_s: tuple[float, float],
     of_events: Mapping[int, bytes],
 ) -> str:
-    """Return the document.
+    """Return the report as an HTML document.
 
     Args:
-        found: the conflicts, in the order in which they are told.
-        pictures: PNG files of some of them, at their smallest clearances: whole parts, then a
-            section through the gap if it is small there.
-        scene: of the session.
+        found: the conflicts, in the order of the report.
+        pictures: PNG files of some conflicts at their smallest clearances: one of whole parts, then
+            one of a section through the gap if the gap is small on the first.
+        scene: the scene of the session.
         last: the newest tick.
-        span_s: stamps of the session's begin and end.
-        of_events: PNG files of some of their changes of state, by the events' numbers.
+        span_s: stamps of the session's beginning and end.
+        of_events: PNG files of some changes of state, by the events' numbers.
     """
     start, end = span_s
     limits = scene.thresholds
@@ -94,7 +94,7 @@ def report_html(
 
 
 def pictured(found: Sequence[Conflict]) -> list[Event]:
-    """Return the changes of state of conflicts that shall have a picture."""
+    """Return the changes of state that get a picture, those of the first conflicts first."""
     events = [event for conflict in found for event in conflict.events[-PICTURED:]]
     return [event for event in events if event.sight is not None][:EVENT_PICTURES]
 
@@ -130,7 +130,7 @@ def _section(
 
 
 def _image(picture: bytes, alt: str) -> str:
-    """Return a PNG file as HTML, with escaped words that stand for it."""
+    """Return a PNG file as HTML; `alt` is escaped text that replaces it."""
     return f'<img alt="{alt}" src="data:image/png;base64,{base64.b64encode(picture).decode()}">'
 
 
@@ -151,13 +151,13 @@ def _smallest(
 
 
 def _decision(conflict: Conflict, now: str, upper: float, unit: Unit) -> str:
-    """Return what was decided and about what, and whether the pair is, or was, worse than that.
+    """Return what was decided, the bounds it was about, and whether the pair is or was worse.
 
     Args:
-        conflict: has the decision, and the worst state of the session.
+        conflict: has the decision, and the worst state in the session.
         now: the pair's state at the end, one of `order.KINDS`; empty: not known.
-        upper: its upper bound then, metres; NaN: not known.
-        unit: of the bounds.
+        upper: the pair's upper bound at the end, metres; NaN: not known.
+        unit: the unit for bounds.
     """
     decision = conflict.decision
     about = worse = ""
@@ -174,7 +174,7 @@ def _decision(conflict: Conflict, now: str, upper: float, unit: Unit) -> str:
 
 
 def _bounds(lower: float | None, upper: float | None, unit: Unit) -> str:
-    """Return the bounds for which something was decided; empty: they are not known."""
+    """Return the bounds that a decision was about; empty if they are not known."""
     if upper is None:
         return ""
     low, high = "" if lower is None else number(lower, unit), number(upper, unit)

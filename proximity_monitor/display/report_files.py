@@ -27,13 +27,13 @@ class ReportFiles:
         shown: Callable[[], Shown | None],
         parts: Callable[[], Parts | None],
     ) -> None:
-        """Add them at this place of the GUI.
+        """Add the buttons at the current place of the GUI.
 
         Args:
-            gui: takes them.
-            shared: the recorded session, its changes of state, and what was decided.
+            gui: takes the buttons.
+            shared: the recorded session, its changes of state, and people's decisions.
             portraits: takes the pictures.
-            shown: returns the content of the page, None before the first frame.
+            shown: returns the content of the page; None before the first frame.
             parts: returns the page's parts.
         """
         self._shared = shared
@@ -55,7 +55,7 @@ class ReportFiles:
         return conflicts(find(shown.scene, *about), *about)
 
     def _report(self, shown: Shown, _: viser.ClientHandle) -> bytes:
-        parts = self._parts()  # first: if the scene changes now, nothing found gets its picture
+        parts = self._parts()  # taken first: if the scene changes after this, pictures are refused
         found, events = self._found(shown), self._shared.events
 
         def portraits(of: Snapshot, pair: PairName) -> list[bytes]:

@@ -23,23 +23,23 @@ from proximity_monitor.display.pages import Pages
 from proximity_monitor.ending import checked_output
 
 FRAMES_HZ = 25.0
-"""Updates of the page a second at least."""
+"""Minimum number of updates of the page per second."""
 
 LEAST_S = 0.02
-"""Seconds between the begins of two updates by ticks at least, however often the monitor ticks."""
+"""Minimum seconds from the start of an update for a tick to the next, however fast ticks come."""
 
 FAREWELL_S = 1.0
-"""Seconds for a player to hear that nothing is held here any more."""
+"""Maximum seconds to wait until a player knows that nothing is held here any more."""
 
 SWITCH_S = 0.001
-"""Seconds for which a thread of Python may keep the others waiting, a fifth of the usual: a drag
-passes through those of the server, of ROS and of the page."""
+"""Seconds for which a Python thread may keep the others waiting, a fifth of the default. A drag
+passes through the threads of the server, of ROS and of the page."""
 
 _IDLE_S = 0.1
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Run the display until SIGINT, SIGTERM or ROS shuts down; return 1 if it cannot start."""
+    """Run the display until SIGINT, SIGTERM or a shutdown of ROS; return 1 if it cannot start."""
     with checked_output("proximity_display"):
         return _run(args)
 
@@ -76,7 +76,7 @@ def _run(args: Sequence[str] | None) -> int:
         serving.stop(server)
         node.destroy_node()
         rclpy.try_shutdown()
-    spinning.result()  # an error that ended that thread ends the program
+    spinning.result()  # an error in the ROS thread ends the program with that error
     return 0
 
 
@@ -98,16 +98,16 @@ def _spin(node: ProximityDisplay, holds: Holds, stop: threading.Event) -> None:
 
 
 def _frames(pages: Pages, inbox: Inbox, stop: threading.Event) -> None:
-    """Update the page as soon as a tick has come, and regularly without."""
-    # What exists now, a hundred thousand objects of libraries, stays to the end: a collection that
-    # searches them takes as long as some ticks.
+    """Update the page as soon as a tick has come, and regularly without ticks."""
+    # About a hundred thousand objects of libraries exist now and stay to the end. A garbage
+    # collection that searches them takes as long as several ticks.
     gc.collect()
     gc.freeze()
     came = False
     while not stop.is_set():
         began = time.monotonic()
         pages.step()
-        if came:  # a tick does not wait because of an update without one
+        if came:  # wait only after a tick: a tick never waits because of a regular update
             stop.wait(began + LEAST_S - time.monotonic())
         came = inbox.wait(began + 1.0 / FRAMES_HZ - time.monotonic())
 

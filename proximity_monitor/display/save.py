@@ -1,4 +1,4 @@
-"""The panel with files to save."""
+"""The panel that saves files."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from proximity_monitor.display.replay import replay_html
 from proximity_monitor.display.shared import Shared, Shown
 
 RENDER_S = 30.0
-"""Seconds after which a browser that has sent no picture will send none."""
+"""Seconds to wait for a browser's picture before giving up."""
 
 
 class Save:
@@ -30,14 +30,14 @@ class Save:
         shown: Callable[[], Shown | None],
         hide_gizmo: Callable[[bool], None],
     ) -> None:
-        """Add them at this place of the GUI.
+        """Add the buttons at the current place of the GUI.
 
         Args:
-            gui: takes them.
-            shared: the recorded session, its changes of state, and what was decided.
+            gui: takes the buttons.
+            shared: the recorded session, its changes of state, and people's decisions.
             choice: the highlighted and ignored pairs.
-            shown: returns the content of the page, None before the first frame.
-            hide_gizmo: hides it while a picture is taken.
+            shown: returns the content of the page; None before the first frame.
+            hide_gizmo: hides the gizmo while a picture is taken.
         """
         self._session = shared.session
         self._events = shared.events
@@ -95,20 +95,20 @@ def sender(
     suffix: str,
     make: Callable[[Shown, viser.ClientHandle], bytes],
 ) -> Callable[[viser.GuiEvent], None]:
-    """Return what a button does: a thread makes a file, and sends it to the browser that asked.
+    """Return a button's callback: a thread makes a file and sends it to the browser that asked.
 
-    It takes long, and a picture waits for the page's steps.
+    It needs a thread because it takes long, and because a picture waits for the page's steps.
 
     Args:
-        shown: returns the content of the page, None before the first frame.
-        suffix: of the file, after the scene's name.
-        make: returns its content.
+        shown: returns the content of the page; None before the first frame.
+        suffix: ending of the file's name, after the scene's name.
+        make: returns the file's content.
     """
 
     def send(content: Shown, client: viser.ClientHandle) -> None:
         try:
             file = make(content, client)
-        except Exception as error:  # shown here, and said by the thread's end
+        except Exception as error:  # shown on the page, and logged when the thread ends
             client.add_notification("Not saved", f"{type(error).__name__}: {error}", color="red")
             raise
         name = f"{content.scene.name}.{suffix}"
@@ -125,7 +125,7 @@ def sender(
 def png(image: np.ndarray) -> bytes:
     """Return an image (height, width, 3) of uint8 as a PNG file."""
     height, width, _ = image.shape
-    rows = np.zeros((height, 1 + 3 * width), np.uint8)  # each begins with its filter: none
+    rows = np.zeros((height, 1 + 3 * width), np.uint8)  # each row begins with filter 0: none
     rows[:, 1:] = image.reshape(height, -1)
 
     def chunk(kind: bytes, data: bytes) -> bytes:

@@ -1,4 +1,4 @@
-"""A section: what is before a plane is cut away, and the cut is outlined and hatched."""
+"""A section: all in front of a plane is cut away, and the cut is outlined and hatched."""
 
 from __future__ import annotations
 
@@ -16,27 +16,27 @@ from proximity_monitor.display.parts import Parts
 from proximity_monitor.display.view import View
 
 EVERY_S = 0.2
-"""Seconds between two cuts of parts that move."""
+"""Minimum seconds between two cuts of the parts."""
 
 SPACING = 12.0
-"""About the distance of the hatching's lines, in pixels."""
+"""Approximate distance of the hatching's lines, in pixels."""
 
 LINES = 60
-"""How many lines of a part's hatching are drawn at most to either side of the middle."""
+"""Maximum number of lines of a part's hatching to either side of the plane's middle."""
 
 _OUTLINE = (25, 28, 34)
 
 
 class Plane(NamedTuple):
-    """In the page's units; what lies on the side of the normal is cut away."""
+    """A plane in the page's units; everything on the side of its normal is cut away."""
 
     middle: np.ndarray
-    """(3,) a point of it, about which the parts are hatched."""
+    """(3,) a point of the plane, about which the parts are hatched."""
     normal: np.ndarray
     """(3,) of unit length."""
 
     def seen_from(self, pose: np.ndarray, scale: float) -> Plane:
-        """Return the plane in the frame of a body at a pose (7,) in metres."""
+        """Return the plane in the frame of a body at a pose (7,), which is in metres."""
         back = conjugate(pose[3:])
         return Plane(rotate(back, self.middle - pose[:3] * scale), rotate(back, self.normal))
 
@@ -49,11 +49,11 @@ class Cut(NamedTuple):
     triangles: np.ndarray
     """(m, 3) of vertices."""
     outline: np.ndarray
-    """(k, 2, 3) where the plane meets it; seen against the normal, its inside is to the left."""
+    """(k, 2, 3) where the plane meets it; seen against the normal, the inside is to the left."""
 
 
 def cut(vertices: np.ndarray, triangles: np.ndarray, plane: Plane) -> Cut:
-    """Return a mesh without its part before a plane.
+    """Return a mesh without its part in front of a plane.
 
     Args:
         vertices: (n, 3).
@@ -67,7 +67,7 @@ def cut(vertices: np.ndarray, triangles: np.ndarray, plane: Plane) -> Cut:
     mixed, over = triangles[(count == 1) | (count == 2)], above[(count == 1) | (count == 2)]
     if not len(mixed):
         return Cut(vertices, kept, np.zeros((0, 2, 3)))
-    # Turn each so that the corner that is alone on its side comes first.
+    # Rotate the corners of each triangle so that the one alone on its side comes first.
     alone = np.argmax(over == (over.sum(axis=1) == 1)[:, None], axis=1)
     turned = np.take_along_axis(mixed, (alone[:, None] + np.arange(3)) % 3, axis=1)
     high = height[turned]
@@ -75,7 +75,7 @@ def cut(vertices: np.ndarray, triangles: np.ndarray, plane: Plane) -> Cut:
     first, others = vertices[turned[:, 0], None], vertices[turned[:, 1:]]
     met = first + share[..., None] * (others - first)
     new = len(vertices) + np.arange(2 * len(mixed)).reshape(-1, 2)
-    tips = high[:, 0] <= 0.0  # of these the first corner stays, of the others the two others
+    tips = high[:, 0] <= 0.0  # the first corner is kept; otherwise the other two are
     tip = np.column_stack((turned[tips, 0], new[tips]))
     p, q, b, c = (*new[~tips].T, *turned[~tips, 1:].T)
     rest = np.concatenate((np.column_stack((p, b, c)), np.column_stack((p, c, q))))
@@ -87,7 +87,7 @@ def cut(vertices: np.ndarray, triangles: np.ndarray, plane: Plane) -> Cut:
 
 
 def behind(segments: np.ndarray, plane: Plane) -> np.ndarray:
-    """Return segments (n, 2, 3) without their parts before a plane, as (m, 2, 3)."""
+    """Return segments (n, 2, 3) without their parts in front of a plane, as (m, 2, 3)."""
     height = (segments - plane.middle) @ plane.normal
     above = height > 0.0
     segments, height, above = (x[~above.all(axis=1)] for x in (segments, height, above))
@@ -100,8 +100,8 @@ def behind(segments: np.ndarray, plane: Plane) -> np.ndarray:
 def hatching(outline: np.ndarray, plane: Plane, spacing: float, slant: float) -> np.ndarray:
     """Return lines (m, 2, 3) within an outline (k, 2, 3), near the plane's middle.
 
-    Inside is where the outline winds round, so that shells may overlap. A line that does not leave
-    as often as it enters is left out: the mesh is open there.
+    A place is inside if the outline winds round it, so shells may overlap. A line that does not
+    leave as often as it enters is left out, because the mesh is open there.
     """
     u = np.cross(plane.normal, np.eye(3)[np.argmin(np.abs(plane.normal))])
     u /= np.linalg.norm(u)
@@ -110,7 +110,7 @@ def hatching(outline: np.ndarray, plane: Plane, spacing: float, slant: float) ->
     y_axis = math.cos(slant) * v - math.sin(slant) * u
     flat = (outline - plane.middle) @ np.column_stack((x_axis, y_axis)) / spacing
     low, high = flat[..., 1].min(axis=1), flat[..., 1].max(axis=1)
-    # A line at a corner meets only the segment that goes up from it.
+    # A line through a corner counts only the segment that goes up from there.
     begin = np.maximum(np.ceil(low), -LINES).astype(int)
     end = np.minimum(np.ceil(high), LINES + 1).astype(int)
     count = np.maximum(end - begin, 0)
@@ -123,14 +123,14 @@ def hatching(outline: np.ndarray, plane: Plane, spacing: float, slant: float) ->
     left = np.bincount(line + LINES, up, minlength=2 * LINES + 1) != 0
     x = np.clip(x, -2 * LINES, 2 * LINES)
     line, x, up = (each[~left[line + LINES]] for each in (line, x, up))
-    winds = np.cumsum(up)[:-1] != 0  # at the end of each line it is 0
+    winds = np.cumsum(up)[:-1] != 0  # each line ends with a sum of 0
     inside = winds & (x[:-1] < x[1:])
     line, x = line[:-1][inside], np.column_stack((x[:-1], x[1:]))[inside]
     return plane.middle + spacing * (x[..., None] * x_axis + line[:, None, None] * y_axis)
 
 
 class Section:
-    """The section of one page: nodes below the parts' frames, while there is a plane."""
+    """The section of one page; while there is a plane, it has nodes below the parts' frames."""
 
     def __init__(self, api: viser.SceneApi, parts: Parts) -> None:
         """Begin without a plane."""
@@ -142,14 +142,14 @@ class Section:
         self.plane: Plane | None = None
 
     def aim(self, plane: Plane | None) -> None:
-        """Set the plane; None: nothing is cut any more."""
+        """Set the plane; None ends the section."""
         self.plane = plane
         self._due_s = -math.inf
         if plane is None:
             self._clear_all()
 
     def show(self, view: View, now_s: float) -> None:
-        """Cut the parts where they are now."""
+        """Cut the parts where they are now, at most every `EVERY_S`."""
         if self.plane is None or now_s < self._due_s:
             return
         self._due_s = now_s + EVERY_S
@@ -192,7 +192,7 @@ class Section:
                 nodes.append(_lines(self._api, f"{name}/hatching", lines, dark, 1.2))
 
     def _coats(self, view: PartView, plane: Plane) -> Iterator[viser.SceneNodeHandle]:
-        """Cut each of a part's coats, and show what is left of it."""
+        """Cut each of a part's coats, and yield the nodes that show the rest."""
         for i, (corners, colour) in enumerate(view.coats):
             vertices, triangles, _ = cut(corners, np.arange(len(corners)).reshape(-1, 3), plane)
             if len(triangles):
@@ -200,7 +200,7 @@ class Section:
                 yield view.coloured(self._api, f"{view.path}/cut_{i}", left, colour)
 
     def _clear_all(self) -> None:
-        for name in list(self._made):  # also a part that is not shown any more
+        for name in list(self._made):  # also parts that are no longer shown
             self._clear(self._parts[name])
 
     def _clear(self, view: PartView) -> None:

@@ -21,39 +21,39 @@ from viser.infra import _infra
 from proximity_monitor.display.intake import Intake
 
 _STILL = SimpleNamespace(perf_counter=lambda: 0.0)
-"""The clock whose time viser tells with each of its messages; that is all that it asks of it there.
+"""The clock for the stamps of viser's messages; viser takes nothing else from `time` there.
 
-By these times a browser evens out when it shows messages: if one has come late, it holds back those
-that follow, for seconds. By a clock that stands still it shows each as soon as it has come."""
+A browser uses the stamps to even out when it shows messages: after one late message, it delays the
+next ones for seconds. With a clock that stands still, it shows each message on arrival."""
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
-"""The names under which only this machine can reach itself."""
+"""The names by which a machine reaches only itself."""
 
 _STARTING = threading.Lock()
-"""While a server starts, functions of libraries are others: one at a time may change them."""
+"""Held while a server starts or stops, because that replaces functions of libraries for a time."""
 
 _TURN_S, _LOOK_S = 0.01, 0.0005
-"""Seconds that a sender may take to have its turn, and between two looks whether it had."""
+"""Maximum seconds to wait for a sender's turn, and seconds between two checks for it."""
 
 
 def serve(host: str, port: int, title: str) -> viser.ViserServer:
-    """Start the server in threads of its own.
+    """Start the server in its own threads.
 
     Args:
         host: the address to listen on.
         port: the first port to try; `server.get_port()` returns the one in use.
-        title: above the panel.
+        title: the title above the panel.
 
     Raises:
-        OSError: there is no such address on this machine.
+        OSError: this machine has no such address.
     """
-    # viser would wait for ever on an address that is not ours.
+    # viser would wait for ever on an address that this machine does not have.
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     socket.create_server((host, 0), family=family).close()
-    # A browser may go in the middle of a step of its page; the next step knows.
+    # A browser may leave during a step of its page; the next step notices it.
     warnings.filterwarnings("ignore", r"Queued a \w+ on a closed connection")
     intake = Intake()
-    with _STARTING, _guarded(intake), _silence():  # it prints a banner
+    with _STARTING, _guarded(intake), _silence():  # viser prints a banner
         server = viser.ViserServer(host=host, port=port, label=title, verbose=False)
     intake.server = server
     _infra.time = _STILL
@@ -63,7 +63,7 @@ def serve(host: str, port: int, title: str) -> viser.ViserServer:
 
 
 def light(server: viser.ViserServer) -> None:
-    """Light the scene so that software renders it quickly: no shadows, no environment map."""
+    """Set lights that software renders quickly: no shadows, no environment map."""
     server.scene.configure_environment_map(hdri=None)
     server.scene.configure_default_lights(cast_shadow=False)
     server.scene.add_light_hemisphere(
@@ -78,10 +78,10 @@ def stop(server: viser.ViserServer) -> None:
 
 
 def hand_over(client: viser.ClientHandle) -> None:
-    """Have what was told to a browser so far sent before what follows, and wait until it is.
+    """Send a browser the messages so far before any later ones, and wait until they are sent.
 
-    Its sender is a thread of Python too, and takes nothing while an atomic block is open: if the
-    next one begins before it has had its turn, all of that waits for the end of the next one.
+    Its sender is a Python thread too, and it sends nothing while an atomic block is open. If the
+    next block begins before the sender has had its turn, the messages wait until that block ends.
     """
     client.flush()
     buffer, ends = client._websock_connection.get_message_buffer(), time.monotonic() + _TURN_S
@@ -90,11 +90,11 @@ def hand_over(client: viser.ClientHandle) -> None:
 
 
 def wake(server: viser.ViserServer) -> None:
-    """Wake what sends to the browsers, in case it missed its call; comes after each step.
+    """Wake the senders to the browsers in case they missed an event; call this after each step.
 
-    viser sets an event of asyncio from other threads too, which asyncio does not provide for. If it
-    is set after a sender has looked at it and before that sender waits, then the sender sleeps with
-    the event set. Each later `set` does nothing, and that browser would never hear anything again.
+    viser sets an asyncio event from other threads as well, which asyncio does not support. If the
+    event is set after a sender has checked it and before that sender waits, the sender sleeps with
+    the event set. Every later `set` does nothing, so that browser would never get a message again.
     """
     connections = [client._websock_connection for client in server.get_clients().values()]
     buffers = [each.get_message_buffer() for each in (server._websock_server, *connections)]
@@ -116,10 +116,10 @@ def _silence() -> contextlib.AbstractContextManager:
 def _guarded(intake: Intake) -> Iterator[None]:
     """Make a server that starts in this context refuse other sites' pages and illegal messages.
 
-    A browser lets every page connect to every address of its own machine. `Origin` names the page
-    and `Host` the name that it asked for; viser's server checks neither and has no setting for it,
-    but it takes `serve` from the module when it starts. Nor may another site's page show this one
-    in a frame, where it would lead a person's clicks.
+    A browser lets any page connect to any address of the browser's own machine. `Origin` names the
+    page, and `Host` the name that it asked for. viser's server checks neither and has no setting
+    for that, but takes `serve` from the module when it starts. Another site's page must not show
+    this page in a frame either, because it could make a person click there unknowingly.
     """
     plain = websockets.asyncio.server.serve
 
@@ -151,14 +151,14 @@ def _guarded(intake: Intake) -> Iterator[None]:
 
 
 def foreign(origin: str | None, host: str | None) -> bool:
-    """Return whether a request comes from the page of another site; programs name no origin."""
+    """Return whether a request comes from another site's page; programs send no origin."""
     return origin is not None and urlsplit(origin).netloc != host
 
 
 def disguised(listening: str, host: str | None) -> bool:
-    """Return whether a local request came under a name that others gave this machine.
+    """Return whether a local request used a foreign name for this machine.
 
-    Another site can let its own name resolve to 127.0.0.1 once its page is loaded (DNS rebinding);
-    then the page's origin and the host that it asks are the same.
+    After its page is loaded, another site can let its own name resolve to 127.0.0.1 (DNS
+    rebinding). Then the page's origin and the requested host agree.
     """
     return listening in LOOPBACK and urlsplit(f"//{host}").hostname not in LOOPBACK

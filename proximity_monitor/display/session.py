@@ -1,4 +1,4 @@
-"""The session so far: its ticks, to look back at them, and each pair's smallest clearance."""
+"""The session so far: its ticks, for looking back, and each pair's smallest clearance."""
 
 from __future__ import annotations
 
@@ -14,48 +14,48 @@ from proximity_monitor.display.snapshot import Snapshot
 from proximity_monitor.display.state import STALE, Frame, Pairs
 
 PERIOD_S = 0.1
-"""A tick is kept each so many seconds at most."""
+"""Seconds between two kept ticks, unless memory gets short."""
 
 EARLY = 0.2
-"""By so many periods a kept tick may come too early, so that of ten ticks a second all are kept."""
+"""A tick this share of a period early is still kept, so that all of ten ticks a second are."""
 
 LEAP_S, FIRST_LEAP_S = 86_400.0, 10.0
-"""A tick that is so much later than the one before is of another clock, such as that of a recording
-that is played again. The other holds for a tick at 0, which came before any clock was heard."""
+"""Seconds. A tick later than the previous one by more than this is of another clock, such as that
+of a recording played again. FIRST_LEAP_S holds after a tick at 0, which came before any clock."""
 
 BYTES = 64_000_000
-"""Bytes that the kept ticks may take; beyond it each second one goes."""
+"""Maximum bytes of the kept ticks; beyond this, every second one is dropped."""
 
 CURVES = 8
-"""How many curves are kept for the plots of several browsers."""
+"""How many curves are cached for the plots of several browsers."""
 
 POINTS = 600
-"""How many points a plot has at most."""
+"""Approximate maximum number of points of a plot."""
 
 
 class Session:
-    """Remembers frames."""
+    """The session's frames and smallest clearances."""
 
     def __init__(self) -> None:
         """Begin without frames."""
         self._frames: list[Frame] = []
-        self._extra: list[bool] = []  # of each: whether it was kept before it was due
+        self._extra: list[bool] = []  # for each frame, whether it was kept before it was due
         self._bytes = 0
         self._period_s, self._due_s = PERIOD_S, -np.inf
-        # By pair and ignored pairs: stamp, lower and upper bound of each kept frame.
+        # By pair and ignored pairs: the stamp, lower and upper bound of each kept frame.
         self._curves: dict[tuple[PairName | None, frozenset[PairName]], array] = {}
         self._smallest = Smallest()
         self.number = 0
-        """So many sessions were before this one."""
+        """How many sessions came before this one."""
         self.newest: Frame | None = None
         """The last added frame, kept or not."""
 
     def add(self, frame: Frame, *, keep: bool = False) -> None:
-        """Remember a tick. One of another clock begins a new session.
+        """Remember a tick. A tick of another clock begins a new session.
 
         Args:
             frame: the tick.
-            keep: whether to keep it even if one shortly before was kept.
+            keep: whether to keep the tick even if it comes shortly after a kept one.
         """
         if self.ends_with(frame):
             self.clear()
@@ -64,7 +64,7 @@ class Session:
         late_s = frame.stamp_s - self._due_s
         due = late_s >= -EARLY * self._period_s
         if due:
-            # It is due again a period after it was, unless ticks are rarer than that.
+            # The next is due a period after this was due, or after this if it is a period late.
             begin_s = self._due_s if late_s < self._period_s else frame.stamp_s
             self._due_s = begin_s + self._period_s
         elif not keep:
@@ -78,14 +78,14 @@ class Session:
             self._thin()
 
     def ends_with(self, frame: Frame) -> bool:
-        """Return whether a tick is of another clock: it is earlier than the last, or far later."""
+        """Return whether a tick is of another clock: earlier than the last one, or far later."""
         if not self._frames:
             return False
         before_s = self.newest.stamp_s
         return not 0.0 <= frame.stamp_s - before_s <= (LEAP_S if before_s else FIRST_LEAP_S)
 
     def clear(self) -> None:
-        """Begin anew."""
+        """Drop all frames and begin a new session."""
         self.number += 1
         self._frames, self._extra = [], []
         self._bytes, self._period_s, self._due_s = 0, PERIOD_S, -np.inf
@@ -93,12 +93,12 @@ class Session:
         self.forget_worst()
 
     def forget_worst(self) -> None:
-        """Begin the smallest clearances anew."""
+        """Forget the smallest clearances and begin them again."""
         self._smallest.clear()
 
     @property
     def thinned_s(self) -> float | None:
-        """Seconds between the kept ticks once memory was short, and None before that."""
+        """Seconds between kept ticks, if memory became short; None: it did not."""
         return self._period_s if self._period_s > PERIOD_S else None
 
     @property
@@ -108,13 +108,13 @@ class Session:
 
     @property
     def span_s(self) -> tuple[float, float]:
-        """The stamps of the oldest and newest."""
+        """The stamps of the oldest and the newest kept frame."""
         if not self._frames:
             return (0.0, 0.0)
         return self._frames[0].stamp_s, self._frames[-1].stamp_s
 
     def at(self, stamp_s: float) -> Frame | None:
-        """Return the first frame that is not older than a stamp, or the newest."""
+        """Return the first kept frame that is not older than a stamp; else the last one."""
         if not self._frames:
             return None
         i = bisect_left(self._frames, stamp_s, key=lambda frame: frame.stamp_s)
@@ -123,7 +123,7 @@ class Session:
     def worst(
         self, pair: PairName | None = None, ignored: Collection[PairName] = ()
     ) -> tuple[PairName, Snapshot] | None:
-        """Return the smallest clearance of a pair, or of all that are not ignored."""
+        """Return the smallest clearance of a pair, or of all pairs that are not ignored."""
         if pair is not None:
             found = self._smallest.of(pair)
             return None if found is None else (pair, found)
@@ -131,11 +131,11 @@ class Session:
 
     @property
     def pairs(self) -> list[PairName]:
-        """The pairs that a tick listed, since the smallest clearances began."""
+        """The pairs that ticks have listed since the smallest clearances were last forgotten."""
         return self._smallest.pairs
 
     def knows(self, pair: PairName) -> bool:
-        """Return whether a tick listed a pair, since the smallest clearances began."""
+        """Return whether a tick has listed a pair since these were last forgotten."""
         return pair in self._smallest
 
     def conflicts(self) -> list[tuple[PairName, int, float]]:
@@ -147,10 +147,10 @@ class Session:
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return stamps, lower and upper bounds (n,), in metres, for a plot.
 
-        They belong to a pair or, without one, to the smallest clearance of all listed pairs that
-        are not ignored, which is not known while one of these is stale. If several ticks fall on
-        one point, the nearest is shown; NaN is a gap, and has a point of its own. It goes through
-        the whole session only for pairs that were not asked for lately.
+        They belong to the pair. Without a pair, they belong to the smallest clearance of all listed
+        pairs that are not ignored, which is not known while one of these is stale. If several ticks
+        fall on one point, the smallest bounds are taken. NaN is a gap, and has a point of its own.
+        Only a pair that was not asked for lately takes a pass over the whole session.
         """
         wanted = (pair, frozenset(ignored))
         kept = self._curves.pop(wanted, None)
@@ -158,7 +158,7 @@ class Session:
             kept = array("d")
             for frame in self._frames:
                 kept.extend((frame.stamp_s, *_bounds(frame.pairs, *wanted)))
-        self._curves[wanted] = kept  # the last to go
+        self._curves[wanted] = kept  # now the newest, so it is dropped last
         while len(self._curves) > CURVES:
             del self._curves[next(iter(self._curves))]
         curve = np.array(kept).reshape(-1, 3)
@@ -175,11 +175,11 @@ class Session:
         return stamps, bounds[:, 0], bounds[:, 1]
 
     def _thin(self) -> None:
-        """Let each second tick go: of those that came before they were due, or else of the others.
+        """Drop every second tick of one kind: those kept before they were due, or the others.
 
-        So ticks that are kept for their own sake take about half of the memory at most, and the
-        others are as rare from now on as those that stay. The first stays, because the times of
-        the session count from it.
+        The kind with more ticks is thinned. So ticks kept for their own sake take at most about
+        half of the memory. If the others are thinned, later ones are kept as rarely as those that
+        stay. The first of them stays, because the times of the session count from it.
         """
         extra, stays = np.array(self._extra), np.ones(len(self._frames), bool)
         own, due = np.flatnonzero(extra), np.flatnonzero(~extra)
@@ -212,6 +212,6 @@ def _bounds(
 
 
 def _size(frame: Frame) -> int:
-    """Roughly the bytes of its arrays, of the rest of a pair, and of the objects themselves."""
+    """Return roughly the bytes of a frame: its arrays, the other data of its pairs, its objects."""
     pairs = frame.pairs
     return frame.poses.nbytes + pairs.points.nbytes + 70 * len(pairs) + 2_500

@@ -1,4 +1,4 @@
-"""A part's triangles as they are drawn, which all browsers share: they take a while to find."""
+"""A part's triangles as they are drawn. All browsers share them, because they take long to make."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ from proximity_monitor.display.received import Part
 
 
 class Shape:
-    """Triangles in a part's own frame and the page's units, which share corners."""
+    """Triangles that share corners, in a part's own frame and the page's units."""
 
     def __init__(self, part: Part, scale: float, before: Shape | None, *, detailed: bool) -> None:
-        """Let them share corners: where the part is smooth, or where each has its own shade.
+        """Make the triangles share corners: where the surface is smooth, or all equal ones if flat.
 
         Args:
-            part: of the scene.
-            scale: units of the page a metre.
-            before: the part's shape before it took this one.
-            detailed: whether it may have levels of detail. Coarser levels look like it only if they
-                have its normals, so it has no shades by triangles.
+            part: the part, with its triangles.
+            scale: units of the page per metre.
+            before: the part's previous shape, if it had one.
+            detailed: whether the shape may have levels of detail. It then needs normals at corners,
+                not at triangles, because otherwise coarser levels would look different.
         """
         soup = part.corners * scale
         self.low, self.high = soup.min(axis=0), soup.max(axis=0)
@@ -55,7 +55,7 @@ class Shape:
         self.corners = soup[self._first]
 
     def shares(self, soup: np.ndarray) -> bool:
-        """Return whether the triangles with these corners (3n, 3) share the same ones as here."""
+        """Return whether triangles with these corners (3n, 3) share corners as the ones here do."""
         if not self.flat or len(soup) != 3 * len(self.triangles):
             return False
         return np.array_equal(soup[self._first][self.triangles.reshape(-1)], soup)
@@ -74,7 +74,7 @@ _SHAPES: WeakKeyDictionary[Part, tuple[float, Shape]] = WeakKeyDictionary()
 
 
 def shape_of(part: Part, scale: float, before: Shape | None = None, *, detailed: bool) -> Shape:
-    """Return a part's shape; see there."""
+    """Return the shape of a part, made once for all browsers; arguments as in `Shape`."""
     known = _SHAPES.get(part)
     if known is None or known[0] != scale:
         known = _SHAPES[part] = scale, Shape(part, scale, before, detailed=detailed)

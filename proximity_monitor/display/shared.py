@@ -1,4 +1,4 @@
-"""What the pages of all browsers have in common."""
+"""What the pages of all browsers share."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from proximity_monitor.display.tried import Tried
 
 
 class Shown(NamedTuple):
-    """The content of a page, all of one scene."""
+    """What a page shows; all of it belongs to one scene."""
 
     scene: SceneInfo
     frame: Frame
-    """The tick that is looked at."""
+    """The tick that the page shows, now or in the past."""
     parts: Sequence[Part]
     newest: Frame
     """The last tick."""
@@ -30,7 +30,7 @@ class Shown(NamedTuple):
 
 @dataclass(frozen=True)
 class Shared:
-    """The monitor is one, and so are the session and the bodies that are held."""
+    """What all pages share: there is one monitor, one session and one set of held bodies."""
 
     server: viser.ViserServer
     holds: Holds
@@ -43,4 +43,4 @@ class Shared:
     ask_player: Callable[[Mapping[str, float]], None]
     """Sends parameters to the player."""
     reset_minima: Callable[[], None]
-    """Lets the monitor forget its smallest clearances."""
+    """Asks the monitor to forget its smallest clearances."""

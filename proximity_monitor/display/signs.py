@@ -1,8 +1,8 @@
 """How a clearance is shown: its number with unit, its sign, its colour.
 
-Every state has a glyph, a word and a line pattern of its own, so that nothing depends on colour
-alone. The colours are of the palette of Okabe and Ito, which most people can tell apart. Contact is
-a dark purple, because a pink is a grey for those who see no green.
+Every state has its own glyph, word and line pattern, so that nothing depends on colour alone. The
+colours are from the palette of Okabe and Ito, which most people can tell apart. Contact is a dark
+purple, because pink looks grey to people who do not see green.
 """
 
 from __future__ import annotations
@@ -27,20 +27,20 @@ from proximity_monitor.display.state import (
 )
 
 DECIMALS = {"m": 5, "mm": 3, "in": 4}
-"""Digits after the point, for 1 to 10 µm, which is as fine as assemblies are made."""
+"""Digits after the point, for a resolution of 1 to 10 µm: assemblies are made no finer."""
 
 
 class Sign(NamedTuple):
-    """The sign beside a number."""
+    """The sign of a state: a glyph, a word and a colour."""
 
     glyph: str
     word: str
     colour: str
-    """Of the style sheet; grey once the news is old."""
+    """A colour of the style sheet; it turns grey once the news is old."""
 
     @property
     def kind(self) -> str:
-        """The state of the pairs that have it, one of `order.KINDS`."""
+        """The state of pairs with this sign, one of `order.KINDS`."""
         word = self.word.rstrip("?").lower()
         return {"overlap": "contact", "unwatched": "stale"}.get(word, word)
 
@@ -59,7 +59,7 @@ SIGNS = (
     OVERLAP_SIGN, CONTACT_SIGN, STOP_SIGN, STOP_UNPROVED_SIGN, WARN_SIGN, WARN_UNPROVED_SIGN,
     STALE_SIGN, CLEAR_SIGN,
 )  # fmt: skip
-"""Of pairs, the worst first."""
+"""The signs of listed pairs, the worst first."""
 
 _FAR = np.array([0x00, 0x72, 0xB2], float)
 _CLEAR = np.array([0x00, 0x9E, 0x73], float)
@@ -93,10 +93,10 @@ def unproved(pairs: Pairs, row: int, scene: SceneInfo) -> bool:
 
 
 def all_unproved(pairs: Pairs, scene: SceneInfo) -> np.ndarray:
-    """Return for all pairs (k,) whether they are `unproved`; those that are clear or stale are not.
+    """Return for each pair (k,) whether it is `unproved`; a clear or stale pair is not.
 
     Args:
-        pairs: of a tick.
+        pairs: the pairs of a tick.
         scene: has the limits.
     """
     warn, stop = scene.limits_of(pairs.names)
@@ -106,19 +106,19 @@ def all_unproved(pairs: Pairs, scene: SceneInfo) -> np.ndarray:
 
 
 def mark(shown: Sign) -> str:
-    """Return a sign with its word as HTML, which grows old with the news."""
+    """Return a sign with its word as HTML, which changes once the news is old."""
     bad = shown not in (CLEAR_SIGN, HIDDEN_SIGN, STALE_SIGN)
     then = f"was {shown.word}" if bad else STALE_SIGN.word
     return fresh.aging(f"{shown.glyph} {shown.word}", f"{STALE_SIGN.glyph} {then}")
 
 
 def glyph(shown: Sign) -> str:
-    """Return a sign without its word as HTML, which grows old with the news."""
+    """Return a sign without its word as HTML, which changes once the news is old."""
     return fresh.aging(shown.glyph, STALE_SIGN.glyph)
 
 
 _PARAMETERS = {"patch": ("u", "v"), "curve": ("t",)}
-"""What the parameters of a kind of element are called; a triangle's are weights of its corners."""
+"""Names of the parameters on an element, by its kind; a triangle's are weights of its corners."""
 
 
 def number(metres: float, unit: Unit) -> str:
@@ -136,7 +136,7 @@ def length(metres: float, unit: Unit) -> str:
 
 
 def clearance(pairs: Pairs, row: int, unit: Unit) -> str:
-    """Return a pair's clearance: one number if it is known, both bounds if they differ."""
+    """Return a pair's clearance: one number, or both bounds if they differ in the shown digits."""
     if pairs.status[row] == UNKNOWN:
         return "no pose"
     lower, upper = number(pairs.lower[row], unit), number(pairs.upper[row], unit)
@@ -149,7 +149,7 @@ def clearance(pairs: Pairs, row: int, unit: Unit) -> str:
 
 
 def feature(told: str) -> str:
-    """Return on what a closest point lies for people: ``patch 4, u 1.000, v 0.804``."""
+    """Return, for people, on what a closest point lies, such as ``patch 4, u 1.000, v 0.804``."""
     kind, index, *where = told.split()
     names = _PARAMETERS.get(kind, ())
     numbers = [f"{float(value):.3f}" for value in where]
@@ -159,15 +159,16 @@ def feature(told: str) -> str:
 
 
 def uncertain(pairs: Pairs, row: int) -> bool:
-    """Return whether the budget cut the search, so that only bounds are known."""
+    """Return whether only bounds are known, because the budget cut the search."""
     return bool(pairs.status[row] == BOUNDED)
 
 
 def ramp(lower: float, limits: Thresholds, *, touching: bool, stale: bool) -> np.ndarray:
     """Return the colour (3,), 0 to 255, of a clearance against its thresholds.
 
-    It runs from stop's colour at or below `stop` over warn's at `warn` and clear's at twice that to
-    blue at four times `warn`. The certified lower bound counts.
+    `lower`, the certified lower bound, determines it. At or below `stop` it is the colour of stop.
+    From there it runs to that of warn at `warn`, of clear at twice `warn`, and to blue at four
+    times `warn`.
     """
     if stale or math.isnan(lower):
         return _STALE

@@ -1,7 +1,8 @@
 """The smallest clearance and the worst state of each pair in the session.
 
-They are in columns, because a tick may change thousands. Pairs share the poses of a tick. Where all
-poses would take too much memory, those of the pairs that were farthest apart are forgotten.
+They are kept in columns, because one tick may change thousands of pairs. Pairs with their smallest
+clearance at the same tick share its poses. If all poses take too much memory, the poses of pairs
+with the largest of these clearances are dropped.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from proximity_monitor.display.snapshot import Snapshot
 from proximity_monitor.display.state import STALE, Frame, PairNames
 
 BYTES = 64_000_000
-"""Bytes that the poses may take."""
+"""Maximum bytes of the poses."""
 
 _MOMENT = np.dtype(
     [
@@ -28,14 +29,14 @@ _MOMENT = np.dtype(
         ("points", float, (2, 3)),
         ("status", np.int8),
         ("level", np.int8),
-        ("worst", np.int8),  # state, a place in `order.KINDS`
+        ("worst", np.int8),  # worst state, as a place in `order.KINDS`
     ]
 )
 _READ = ("lower", "upper", "points", "status", "level")
 
 
 class Smallest:
-    """Remembers them, each as a `Snapshot` has it. Any thread may call."""
+    """The smallest clearance of each pair, given as a `Snapshot`. Any thread may call."""
 
     def __init__(self) -> None:
         """Begin without pairs."""
@@ -43,11 +44,11 @@ class Smallest:
         self._places: dict[PairName, int] = {}
         self._moments = np.empty(0, _MOMENT)
         self._last: tuple[PairNames, np.ndarray] = ((), np.empty(0, int))
-        self._bytes = 0  # of poses that came since they were counted: no fewer than are kept
+        self._bytes = 0  # upper bound of the kept poses' size: the last count plus all added since
         self._bodies = 0
 
     def clear(self) -> None:
-        """Begin anew."""
+        """Forget all pairs and begin again."""
         with self._lock:
             self._places = {}
             self._moments = np.empty(0, _MOMENT)
@@ -55,14 +56,14 @@ class Smallest:
             self._bytes = 0
 
     def note(self, frame: Frame) -> None:
-        """Take a tick. What is stale does not count."""
+        """Take a tick; stale pairs in it do not count."""
         pairs = frame.pairs
         with self._lock:
             at = self._rows(pairs.names)
             of = kinds(pairs)
             of[of == STALE_KIND] = CLEAR_KIND
             self._moments["worst"][at] = np.minimum(self._moments["worst"][at], of)
-            nearer = pairs.upper < self._moments["upper"][at]  # NaN is not
+            nearer = pairs.upper < self._moments["upper"][at]  # NaN is never nearer
             nearer &= pairs.level != STALE
             at = at[nearer]
             for name in _READ:
@@ -78,22 +79,22 @@ class Smallest:
 
     @property
     def pairs(self) -> list[PairName]:
-        """The pairs that a tick listed."""
+        """The pairs that ticks have listed."""
         with self._lock:
             return list(self._places)
 
     def __contains__(self, pair: PairName) -> bool:
-        """Whether a tick listed a pair."""
+        """Return whether a tick has listed a pair."""
         return pair in self._places
 
     def of(self, pair: PairName) -> Snapshot | None:
-        """Return that of a pair; None: it never had one."""
+        """Return a pair at its smallest clearance; None: no clearance was ever known."""
         with self._lock:
             row = self._places.get(pair)
             return None if row is None else self._snapshot(row)
 
     def least(self, ignored: Collection[PairName]) -> tuple[PairName, Snapshot] | None:
-        """Return the smallest of all pairs that are not ignored."""
+        """Return the pair with the smallest clearance among those not ignored, and its snapshot."""
         with self._lock:
             uppers = self._moments["upper"].copy()
             uppers[[self._places[name] for name in ignored if name in self._places]] = np.inf
@@ -104,9 +105,9 @@ class Smallest:
             return pair, self._snapshot(row)
 
     def conflicts(self) -> list[tuple[PairName, int, float]]:
-        """Return the pairs that were not clear: each with its worst state and smallest upper bound.
+        """Return the pairs that were not clear, each with its worst state and least upper bound.
 
-        States are places in `order.KINDS`, bounds in metres, infinite where none was known.
+        States are places in `order.KINDS`. Bounds are in metres, infinite if never known.
         """
         with self._lock:
             worst, upper, names = self._moments["worst"], self._moments["upper"], list(self._places)
@@ -115,8 +116,8 @@ class Smallest:
             return [(names[row], kind, least) for row, kind, least in found]
 
     def _rows(self, names: PairNames) -> np.ndarray:
-        """Return the places (k,) of pairs, new ones too."""
-        if self._last[0] is not names:  # most ticks share them
+        """Return the rows (k,) of pairs; new pairs get new rows."""
+        if self._last[0] is not names:  # most ticks share the same names
             places = self._places
             at = np.fromiter((places.setdefault(n, len(places)) for n in names), int, len(names))
             more = np.zeros(len(places) - len(self._moments), _MOMENT)
@@ -126,7 +127,7 @@ class Smallest:
         return self._last[1]
 
     def _forget_poses(self) -> None:
-        """Keep poses in half of their memory, those of the pairs that were nearest."""
+        """Drop poses until half of `BYTES` is in use; keep those of the smallest clearances."""
         poses, kept, size = self._moments["poses"], set(), 0
         for row in np.argsort(self._moments["upper"]).tolist():
             each = poses[row]

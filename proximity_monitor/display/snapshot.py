@@ -1,4 +1,4 @@
-"""One pair at one tick, with all that a picture of it needs."""
+"""One pair at one tick, with everything that a picture of it needs."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from proximity_monitor.display.state import Frame, Pairs
 
 @dataclass(frozen=True, eq=False)
 class Snapshot:
-    """A pair at a tick, and where all bodies were."""
+    """A pair at a tick, and the poses of all bodies then."""
 
     lower: float
     upper: float
-    """Metres; surely reached."""
+    """Metres, as `lower` is; the clearance was certainly no larger."""
     stamp_s: float
     poses: np.ndarray
-    """(m, 7) poses of the moving bodies at that tick; all zeros where they are forgotten."""
+    """(m, 7) poses of the moving bodies at that tick; all zeros if they were dropped."""
     points: np.ndarray
-    """(2, 3) the closest points then."""
+    """(2, 3) the closest points at that tick."""
     status: int
     """A position in `state.STATUSES`."""
     level: int
@@ -29,12 +29,12 @@ class Snapshot:
 
     @property
     def placed(self) -> bool:
-        """Whether it is known where the bodies were."""
+        """Whether the poses of the bodies are known."""
         return not len(self.poses) or bool(self.poses[:, 3:].any())
 
     @classmethod
     def of(cls, frame: Frame, row: int) -> Snapshot:
-        """Return that of a row of a tick; of the tick's pairs it keeps nothing else."""
+        """Return the snapshot of a row of a tick; it keeps no other pair of the tick."""
         pairs = frame.pairs
         return cls(
             float(pairs.lower[row]),
@@ -47,7 +47,7 @@ class Snapshot:
         )
 
     def frame(self, pair: PairName) -> Frame:
-        """Return that tick with this pair alone."""
+        """Return the tick with this pair alone."""
         told = Pairs(
             (pair,),
             np.array([self.lower]),

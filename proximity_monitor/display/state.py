@@ -1,4 +1,4 @@
-"""The last messages of a monitor: the scene, and its last tick. Metres and seconds."""
+"""The monitor's last messages: the scene, and the last tick. Metres and seconds."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ _, _, BOUNDED, INTERSECTING, OVERLAPPING, UNKNOWN = range(len(STATUSES))
 
 
 def refuse_surrogates(told: Any) -> None:
-    """Refuse content of JSON in which a text is not Unicode, which no browser could be told.
+    """Refuse JSON content with a text that is not Unicode, because it cannot be sent to a browser.
 
     Raises:
-        ValueError: a text in it has half of a surrogate pair.
+        ValueError: a text has one half of a surrogate pair alone.
     """
     try:
         json.dumps(told, ensure_ascii=False).encode()
@@ -51,20 +51,20 @@ class Body:
     name: str
     moving: bool
     topic: str | None
-    """Topic of its PoseStamped; None: it has none, so it cannot be dragged."""
+    """The topic of its PoseStamped; None: it has none, so it cannot be dragged."""
     point: bool
     mesh: str
-    """A checksum, which differs for different meshes."""
+    """A checksum of its mesh; different checksums prove that meshes differ."""
     colour: tuple[float, ...] = (1.0, 1.0, 1.0, 1.0)
     """Red, green, blue, opacity."""
     pose: tuple[float, ...] | None = None
     """x y z in metres and quaternion w x y z of a fixed body; None: it moves."""
     range: float = math.inf
-    """Metres; its pairs that are not listed are certainly farther apart."""
+    """Metres; unlisted pairs of this body are certainly farther apart than this."""
 
     @classmethod
     def read(cls, told: Mapping[str, Any]) -> Body:
-        """Read one of ~/scene's bodies; lists become tuples, so that bodies can be compared."""
+        """Read one body of ~/scene; lists become tuples, so that bodies can be compared."""
         values = {key: tuple(x) if isinstance(x, list) else x for key, x in told.items()}
         least = values.get("range")
         return cls(**values | {"range": math.inf if least is None else least})
@@ -86,24 +86,24 @@ class SceneInfo:
     own_parameters: bool
     settings: Mapping[str, float | None]
     path: str = ""
-    """Of the scene's file, on the monitor's machine."""
+    """The path of the scene's file on the monitor's machine."""
     checksum: int = 0
-    """Of the bodies' names: ~/pairs of the same scene bears it."""
+    """A checksum of the bodies' names; ~/pairs of the same scene has the same one."""
     words: tuple[str, ...] = ()
-    """What the numbers in ~/pairs stand for."""
+    """The words for the codes in ~/pairs."""
     attachments: Mapping[str, str] = field(default_factory=dict)
-    """The parent's name by the child's, as it is set; some may wait until both poses are known."""
+    """The parent's name by the child's, as set; some may wait until both poses are known."""
     held: Mapping[str, str] = field(default_factory=dict)
-    """Those of them that are in force: the child moves with its parent, and not by itself."""
+    """The attachments in force: such a child moves with its parent, and not by itself."""
     unwatched: frozenset[tuple[str, str]] = frozenset()
-    """The pairs that are not watched because one body is held by the other."""
+    """The pairs that are not watched because one body is attached to the other."""
 
     @classmethod
     def read(cls, text: str) -> SceneInfo:
         """Read the JSON of ~/scene.
 
         Raises:
-            ValueError: it is not what a monitor of this version publishes.
+            ValueError: the text is not what a monitor of this version publishes.
         """
         try:
             told: dict[str, Any] = json.loads(text)
@@ -148,7 +148,7 @@ class SceneInfo:
 
     @property
     def key(self) -> Hashable:
-        """Identifies the scene: if it changes, everything that depends on the scene is rebuilt."""
+        """Identifies the scene. If it changes, all that depends on the scene is rebuilt."""
         return self.name, self.frame, self.unit, self.bodies
 
     def body(self, name: str) -> Body:
@@ -160,9 +160,9 @@ class SceneInfo:
         return self.own_thresholds.get(pair, self.thresholds)
 
     def limits_of(self, names: PairNames) -> tuple[np.ndarray, np.ndarray]:
-        """Return warn (k,) and stop (k,) in metres of pairs, given by their names."""
+        """Return warn (k,) and stop (k,) of pairs, given by their names, in metres."""
         known = self._limits.get("last")
-        if known is None or known[0] is not names:  # most ticks share their names
+        if known is None or known[0] is not names:  # most ticks share the same names
             common, own = self.thresholds, self.own_thresholds
             warn, stop = (np.full(len(names), x, float) for x in (common.warn, common.stop))
             for i in [i for i, name in enumerate(names) if name in own] if own else ():
@@ -177,13 +177,13 @@ class SceneInfo:
 
 @lru_cache(maxsize=16)
 def places(names: PairNames) -> Mapping[tuple[str, str], int]:
-    """Return the row of each pair; ticks that list the same pairs share it."""
+    """Return the row of each pair. Cached: ticks that list the same pairs share the result."""
     return {name: i for i, name in enumerate(names)}
 
 
 @lru_cache(maxsize=16)
 def rows_of(names: PairNames) -> Mapping[str, Sequence[int]]:
-    """Return the rows of each body's pairs; see `places`."""
+    """Return the rows of each body's pairs. Cached as `places` is."""
     found: dict[str, list[int]] = {}
     for i, pair in enumerate(names):
         for name in pair:
@@ -193,7 +193,10 @@ def rows_of(names: PairNames) -> Mapping[str, Sequence[int]]:
 
 @dataclass(frozen=True, eq=False)
 class Pairs:
-    """The listed pairs of one tick as arrays of k rows, in the scene's order."""
+    """The listed pairs of one tick as arrays of k rows, in the scene's order.
+
+    A body is silent if its pose, joints or shape is too old. The pairs of a silent body are stale.
+    """
 
     names: PairNames
     lower: np.ndarray
@@ -206,25 +209,25 @@ class Pairs:
     level: np.ndarray
     """(k,) positions in LEVELS."""
     age_s: np.ndarray
-    """(k,) seconds since the numbers answered the present poses."""
+    """(k,) seconds since the bounds answered the present poses; 0 while they do, inf if never."""
     stamp_s: np.ndarray
     """(k,) stamp of the older of the two poses; NaN while one is unknown."""
     silent: tuple[str, ...]
-    """For each pair the reason why bodies are silent; empty if none is."""
+    """For each pair, why its bodies are silent; empty if none is."""
     features: Mapping[int, tuple[str, str]] = field(default_factory=dict)
-    """By row of a pair at warn or stop, on what its closest points lie, as ``patch 4 1 0.8``: the
-    kind of element, which one, and where on it."""
+    """By row of a pair at warn or stop, the elements on which its closest points lie, such as
+    ``patch 4 1 0.8``: the kind of the element, its index, and the place on it."""
     silent_bodies: Mapping[int, tuple[str, ...]] = field(default_factory=dict)
-    """By row of a stale pair, which of its bodies are silent."""
+    """By row of a stale pair, the names of its silent bodies."""
 
     def __len__(self) -> int:
-        """How many pairs are listed."""
+        """Return how many pairs are listed."""
         return len(self.names)
 
     @cached_property
     def places(self) -> Mapping[tuple[str, str], int]:
         """The row of each pair."""
-        return places(self.names)  # looked up once, because it hashes all names
+        return places(self.names)  # kept as an attribute, because a look-up hashes all names
 
     @cached_property
     def rows_of(self) -> Mapping[str, Sequence[int]]:
@@ -233,17 +236,17 @@ class Pairs:
 
     @cached_property
     def silent_names(self) -> frozenset[str]:
-        """All bodies that are silent, as far as their pairs are listed."""
+        """All silent bodies that have a listed pair."""
         return frozenset(name for bodies in self.silent_bodies.values() for name in bodies)
 
     @cached_property
     def all_silent(self) -> bool:
-        """Whether it certainly lists all pairs of silent bodies: of very many it lists some."""
+        """Whether certainly all pairs of silent bodies are listed; of very many, only some are."""
         return np.count_nonzero(self.level == STALE) < LISTED_SILENT
 
     @cached_property
     def heard_names(self) -> frozenset[str]:
-        """The bodies that are certainly not silent, as far as their pairs are listed."""
+        """The bodies that are certainly not silent, among those that have a listed pair."""
         told = (
             i for i, level in enumerate(self.level) if level != STALE or i in self.silent_bodies
         )
@@ -257,7 +260,7 @@ class Pairs:
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """A tick: its poses and its pairs."""
+    """A tick: its stamp, poses and pairs."""
 
     stamp_s: float
     poses: np.ndarray
@@ -265,22 +268,22 @@ class Frame:
     all zeros if a body has no pose."""
     pairs: Pairs
     whole: bool = True
-    """Whether these are all pairs that were listed then."""
+    """Whether `pairs` holds all pairs that the tick listed."""
 
     def pose(self, row: int) -> np.ndarray | None:
-        """Return a body's pose (7,), or None."""
+        """Return the pose (7,) of a moving body; None: it has none."""
         pose = self.poses[row]
         return pose if pose[3:].any() else None
 
 
 @dataclass(frozen=True)
 class Health:
-    """The monitor's report about its own work, each second."""
+    """The monitor's report about its own work, sent each second."""
 
     schedule: Mapping[str, str] = field(default_factory=dict)
-    """Values by key; "message" is the summary."""
+    """Values of the task "schedule" by key; "message" is the summary."""
     clearance: Mapping[str, str] = field(default_factory=dict)
-    """The same of the pairs."""
+    """Values of the task "clearance", about the pairs."""
 
     def number(self, key: str) -> float:
         """Return a value as a number; NaN if there is none."""
@@ -289,15 +292,15 @@ class Health:
 
 @dataclass(frozen=True)
 class Playing:
-    """What a player told of its motion: the moment follows from it until the next word."""
+    """A player's last report of its motion; the moment follows from it until the next report."""
 
     moment_s: float
     """Seconds of motion at `stamp_s`."""
     stamp_s: float
     speed: float
-    """Seconds of motion a second; 0: it stands still."""
+    """Seconds of motion per second; 0: it stands still."""
     period_s: float | None
-    """Seconds after which it repeats or rests; None: it does neither."""
+    """Seconds after which the motion repeats or stops; None: it does neither."""
     repeats: bool = True
     """Whether it repeats after its period."""
 
@@ -306,7 +309,7 @@ class Playing:
         """Read the JSON of a player's ~/motion.
 
         Raises:
-            ValueError: it is not what a player of this version publishes.
+            ValueError: the text is not what a player of this version publishes.
         """
         try:
             told = cls(**json.loads(text))
@@ -318,7 +321,7 @@ class Playing:
         return told
 
     def at(self, stamp_s: float) -> float:
-        """Return the moment at a stamp, within the period."""
+        """Return the moment of the motion at a stamp, within the period."""
         moment = self.moment_s + max(stamp_s - self.stamp_s, 0.0) * self.speed
         if not self.period_s:
             return moment

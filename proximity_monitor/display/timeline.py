@@ -1,4 +1,4 @@
-"""Clearance over time: the plot, the session's worst, and looking back."""
+"""Clearance over time: the plot, the smallest clearance of the session, and looking back."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ EVERY_S = 0.25
 """Seconds between two updates of the plot."""
 
 LIVE_S = 2.0
-"""Within so many seconds of its end, the slider means now: a slow browser knows an older end."""
+"""Within this many seconds of its end the slider means now: a slow browser has an older end."""
 
 
 class Timeline:
-    """The plot with its slider, and the panel of the session."""
+    """The plot with its slider, and the panel for the smallest clearance of the session."""
 
     def __init__(
         self,
@@ -31,14 +31,14 @@ class Timeline:
         choice: Choice,
         on_return: Callable[[], None],
     ) -> None:
-        """Add the plot to its tab, and the rest at this place of the GUI.
+        """Add the plot to its tab, and the panel at the current place of the GUI.
 
         Args:
             gui: takes the panel.
-            plot: the tab of the plot.
+            plot: the tab for the plot.
             session: the session to look back at.
             choice: the highlighted pair, and the moment to show.
-            on_return: puts the bodies where the smallest clearance was.
+            on_return: moves the bodies to their poses at the smallest clearance.
         """
         self._session = session
         self._choice = choice
@@ -67,7 +67,7 @@ class Timeline:
             on_return()
 
     def show(self, scene: SceneInfo, now_s: float) -> None:
-        """Update it from time to time."""
+        """Update the plot and the panel, at most every `EVERY_S`."""
         if now_s < self._due_s:
             return
         self._due_s = now_s + EVERY_S

@@ -1,4 +1,4 @@
-"""What the settings that were tried in this scene have cost."""
+"""The time and accuracy of each setting that was tried in this scene."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from proximity_monitor.display.signs import DECIMALS, length
 from proximity_monitor.display.state import BOUNDED, Frame, Health, SceneInfo
 
 SETTLED = 2
-"""How many messages about times must have come since a setting was made: the first is older."""
+"""How many messages about times must come after a change of settings: the first is from before."""
 
 TRIED = 8
-"""How many settings are remembered with their cost."""
+"""How many settings are remembered, with their costs."""
 
 
 class Tried:
-    """The costs by setting, the same for all browsers."""
+    """The costs by setting, shared by all browsers."""
 
     def __init__(self) -> None:
-        """Begin without any."""
+        """Begin without any costs."""
         self._scene: SceneInfo | None = None
         self._costs: dict[str, str] = {}
         self._heard: Health | None = None
-        self._setting, self._seconds = "", 0  # in force, and for how many messages of the monitor
+        self._setting, self._seconds = "", 0  # in force, and how many messages came since then
 
     def note(self, scene: SceneInfo, frame: Frame, health: Health | None) -> None:
-        """Take the cost of the settings in force. Another scene begins anew."""
+        """Note the cost of the settings in force. Another scene begins a new table."""
         if self._scene is None or self._scene.key != scene.key:
             self._costs.clear()
             self._setting = ""
@@ -57,7 +57,7 @@ class Tried:
             del self._costs[next(iter(self._costs))]
 
     def table(self) -> str:
-        """Return them as HTML, the last one first."""
+        """Return the costs as HTML, the last one first."""
         rows = "".join(
             f"<tr{' class=pm-chosen' if told == self._setting else ''}><td>{told}</td>{cost}</tr>"
             for told, cost in reversed(self._costs.items())
@@ -77,6 +77,6 @@ def _named(settings: Mapping[str, float | None], symbol: str, to_metre: float) -
         errors.append(f"{100.0 * rel:g} %")
     if absolute:
         errors.append(f"{absolute / to_metre:.{DECIMALS.get(symbol, 4)}g} {symbol}")
-    if rel is None or absolute is None:  # each pair may have its own
+    if rel is None or absolute is None:  # each pair may have a tolerance of its own
         errors.append("as the scene says")
     return f"{' or '.join(errors) or 'exact'}, {settings['budget_ms']:g} ms"

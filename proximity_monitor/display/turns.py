@@ -1,4 +1,4 @@
-"""What a browser asks for has its turn between two steps of its page, in their thread."""
+"""Callbacks of a browser's inputs run between two steps of its page, in the thread of the steps."""
 
 from __future__ import annotations
 
@@ -14,26 +14,27 @@ class _Call(NamedTuple):
     act: Callable[..., object]
     given: tuple[Any, ...]
     field: str | None
-    """Whose value a person has changed; None: of something else."""
+    """The identifier of the field that a person changed; None: the call is not from a field."""
     held: dict[str, Any]
-    """What each field held then."""
+    """The value of each field when the call came, by identifier."""
 
 
 class Turns:
     """Keeps the calls of a browser's buttons and fields until the page takes them up.
 
-    viser calls coroutines in the thread of its server, and all else by its executor, which here is
-    this. In a thread of their own such calls would meet what a step has half changed.
+    viser runs coroutines in its server's thread, and all other callbacks through its executor. This
+    class replaces that executor. In threads of their own, the callbacks could meet data that a step
+    has changed only in part.
     """
 
     def __init__(self, gui: viser.GuiApi) -> None:
-        """Take the calls of a browser's GUI."""
+        """Take over the callbacks of a browser's GUI."""
         self._waiting: deque[_Call] = deque()
         self._fields = gui._gui_input_handle_from_uuid
         gui._thread_executor = self
 
     def submit(self, act: Callable[..., object], *given: Any) -> Future:
-        """Keep a call. Any thread may call; what is returned tells nothing of the result."""
+        """Keep a call. Any thread may call this; the returned future never gets a result."""
         target = getattr(given[0], "target", None) if given else None
         held = {name: each._impl.value for name, each in list(self._fields.items())}
         field = target._impl.uuid if hasattr(target, "value") else None
@@ -41,16 +42,16 @@ class Turns:
         return Future()
 
     def hear_all(self) -> None:
-        """Hear of each field that changes, also of one that only others' calls read.
+        """Give every field a callback, also a field that only other callbacks read.
 
-        Comes when all fields are there.
+        Call this when all fields exist.
         """
         for each in list(self._fields.values()):
             if not each._impl.update_cb and hasattr(each, "on_update"):
                 each.on_update(_nothing)
 
     def take_up(self) -> None:
-        """Do what has come so far, in its order. An error leaves the rest for the next time."""
+        """Run the calls that have come so far, in order. After an error, the rest stay."""
         known: dict[str, Any] = {}
         for _ in range(len(self._waiting)):
             call = self._waiting.popleft()
@@ -61,13 +62,13 @@ class Turns:
             known.update(self._act_with(values, call))
             last = None if call.field in later else self._fields.get(call.field)
             if last is not None and last._impl.value != known[call.field]:
-                last.value = known[call.field]  # a step had told the browser another one
+                last.value = known[call.field]  # a step had sent the browser another value
 
     def _act_with(self, values: dict[str, Any], call: _Call) -> dict[str, Any]:
-        """Do it as if fields still held these values; return what they hold after it.
+        """Run a call as if fields still had these values; return their values after it.
 
-        They may have got others since, by a later call or by a step, and have those again then.
-        Setting a field's `value` would call all who listen to it.
+        Later calls or a step may have given them newer values, which are put back afterwards.
+        This sets the state directly, because setting a field's `value` would run its callbacks.
         """
         states = {name: self._fields[name]._impl for name in values if name in self._fields}
         newer = {name: state.value for name, state in states.items()}
@@ -78,7 +79,7 @@ class Turns:
         finally:
             after = {name: state.value for name, state in states.items()}
             for name, state in states.items():
-                if after[name] == values[name]:  # else the page has changed it now
+                if after[name] == values[name]:  # if it differs, the call has set it
                     state.value = newer[name]
         return after
 

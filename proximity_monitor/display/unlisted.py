@@ -1,8 +1,7 @@
 """What is known about pairs that a tick does not list.
 
-Most are certainly beyond their range. But a body that is attached to another, and held by it, is
-not watched against it, and where very many bodies are silent, the monitor lists only some of their
-pairs.
+Most of them are certainly beyond their range. But a body that is attached to another one is not
+watched against it. And if very many bodies are silent, the monitor lists only some of their pairs.
 """
 
 from __future__ import annotations
@@ -21,19 +20,19 @@ _TOLD = {
 
 
 class Unlisted(NamedTuple):
-    """How many pairs are not listed, by what is known about them."""
+    """How many pairs are not listed, by the reason."""
 
     far: int = 0
-    """Certainly beyond their range."""
+    """Pairs that are certainly beyond their range."""
     unsure: int = 0
-    """Of silent bodies."""
+    """Pairs of silent bodies, of which nothing is certain."""
     unwatched: int = 0
     unexplained: int = 0
-    """Nobody has said why."""
+    """Pairs for which the reason is not known."""
 
     @property
     def lines(self) -> list[str]:
-        """For people, what is not 0."""
+        """Return the counts that are not 0, in words."""
         told = {
             "beyond their range": self.far,
             "without a recent pose and not listed": self.unsure,
@@ -47,9 +46,9 @@ def unlisted(pairs: Pairs, scene: SceneInfo, health: Health | None) -> Unlisted:
     """Count the pairs that a tick does not list.
 
     Args:
-        pairs: of the tick.
-        scene: of the tick.
-        health: of that time, some seconds older at most; None: not known.
+        pairs: the pairs of the tick.
+        scene: the scene of the tick.
+        health: the monitor's report of that time, at most some seconds older; None: not known.
     """
     left = scene.pairs - len(pairs)
     told = {} if health is None else health.clearance
@@ -57,8 +56,8 @@ def unlisted(pairs: Pairs, scene: SceneInfo, health: Health | None) -> Unlisted:
     if not (unsure.isdecimal() and unwatched.isdecimal()):
         return Unlisted(unexplained=left)
     unsure = min(int(unsure), left)
-    # What was attached meanwhile only the scene tells. A pair that is still counted after it was
-    # detached does no harm.
+    # Only the scene tells what was attached since the report. A pair that was detached since then
+    # is still counted, which does no harm.
     unwatched = min(max(int(unwatched), len(scene.unwatched)), left - unsure)
     return Unlisted(left - unsure - unwatched, unsure, unwatched)
 
@@ -75,5 +74,5 @@ def sign_of(pair: PairName, pairs: Pairs, scene: SceneInfo) -> Sign:
 
 
 def reason(pair: PairName, pairs: Pairs, scene: SceneInfo) -> str:
-    """Return why a tick does not list a pair, for people."""
+    """Return, for people, why a tick does not list a pair."""
     return _TOLD[sign_of(pair, pairs, scene)]

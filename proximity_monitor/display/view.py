@@ -1,4 +1,4 @@
-"""What a browser's camera sees: where points are on its screen, and where to put the camera."""
+"""A browser's camera: where points are on its screen, and how to aim it."""
 
 from __future__ import annotations
 
@@ -11,42 +11,42 @@ import viser
 from proximity_monitor.display.geometry import rotate
 
 FILL = 0.4
-"""Share of the picture that a gap takes after the camera went to it."""
+"""Share of the picture that a gap fills after a zoom to it."""
 
 HIGH = math.radians(75.0)
-"""Height of a picture, as an angle at the camera."""
+"""Vertical angle of a picture."""
 
 NEAREST = 3e-5
-"""How near the camera goes to a gap, in units of the page.
+"""Minimum distance of the camera to a gap, in units of the page.
 
-Positions on the page are of single precision, and parts about a unit large: at this distance they
-jump by a pixel at most."""
+Positions on the page are in single precision, and parts are about one unit large. At this distance
+they jump by at most a pixel."""
 
 LEAST = 2e-5
-"""No gap is shown larger than one of this size would be, in units of the page: see `NEAREST`."""
+"""A smaller gap is magnified no more than one of this size, in units of the page: see `NEAREST`."""
 
 NEAR = 0.02
-"""Distance of the near plane, as a share of that to the point that the camera looks at."""
+"""Distance of the near plane, as a share of the distance to the point that the camera looks at."""
 
 NEAR_MOST = 0.01
-"""The same at most, in units of the page."""
+"""Greatest distance of the near plane, in units of the page."""
 
 
 class View(NamedTuple):
-    """A camera that is looked through, in the page's units."""
+    """The view of a camera, in the page's units."""
 
     position: np.ndarray
-    """(3,)"""
+    """(3,) of the camera."""
     axes: np.ndarray
-    """(3, 3) rows: to the right, down, forward."""
+    """(3, 3) in rows: the directions to the right, down and forward."""
     focal: float
-    """Pixels."""
+    """Focal length in pixels."""
     size: tuple[float, float]
     """Width and height of the picture, pixels."""
 
     @classmethod
     def of(cls, camera: viser.CameraHandle) -> View:
-        """Return the view of a browser."""
+        """Return the view of a browser's camera."""
         height = max(float(camera.image_height), 1.0)
         return cls(
             np.array(camera.position),
@@ -59,19 +59,19 @@ class View(NamedTuple):
     def looking(
         cls, position: np.ndarray, at: np.ndarray, size: tuple[float, float] = (1280.0, 800.0)
     ) -> View:
-        """Return the view of a camera that looks at a point (3,), 75 degrees high; up is z."""
+        """Return the view of a camera that looks at a point (3,); 75 degrees high, z is up."""
         forward = (at - position) / np.linalg.norm(at - position)
         right = np.cross(forward, (0.0, 0.0, 1.0))
         if np.linalg.norm(right) < 1e-6:
-            right = np.array((1.0, 0.0, 0.0))  # it looks along z
+            right = np.array((1.0, 0.0, 0.0))  # the camera looks along z
         right /= np.linalg.norm(right)
         axes = np.array((right, np.cross(forward, right), forward))
         return cls(position, axes, size[1] / (2.0 * math.tan(HIGH / 2.0)), size)
 
     def project(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return where points (n, 3) are on the screen (n, 2), and their depths (n,).
+        """Return the places of points (n, 3) on the screen (n, 2), and their depths (n,).
 
-        Depths are not positive, and places on the screen nonsense, for points behind the camera.
+        For a point behind the camera the depth is not positive, and the place has no meaning.
         """
         right, down, depth = ((points - self.position) @ self.axes.T).T
         safe = np.where(depth > 0.0, depth, 1.0)
@@ -79,16 +79,16 @@ class View(NamedTuple):
         return place + np.array(self.size) / 2.0, depth
 
     def shift(self, points: np.ndarray, pixels: np.ndarray) -> np.ndarray:
-        """Return points (n, 3) moved by pixels (n, 2) on the screen, in their own depth."""
+        """Return points (n, 3) moved by pixels (n, 2) on the screen; each keeps its depth."""
         depth = (points - self.position) @ self.axes[2]
         return points + (depth / self.focal)[:, None] * (pixels @ self.axes[:2])
 
 
 def facing(ends: np.ndarray, position: np.ndarray) -> np.ndarray:
-    """Return the unit direction (3,) across a gap that comes nearest to that of the camera.
+    """Return the unit direction (3,) across a gap that is nearest to the direction of the camera.
 
     Args:
-        ends: (2, 3) of the gap.
+        ends: (2, 3) the ends of the gap.
         position: (3,) of the camera.
     """
     along = ends[1] - ends[0]
@@ -104,7 +104,7 @@ def facing(ends: np.ndarray, position: np.ndarray) -> np.ndarray:
 
 
 def zoom(camera: viser.CameraHandle, ends: np.ndarray) -> None:
-    """Move a camera so that a gap fills the picture, seen from the side."""
+    """Move a camera so that a gap fills `FILL` of the picture, seen from the side."""
     middle = ends.mean(axis=0)
     across = facing(ends, np.array(camera.position))
     least = 2.0 * math.tan(camera.fov / 2.0) * min(1.0, camera.aspect)
@@ -116,14 +116,14 @@ def zoom(camera: viser.CameraHandle, ends: np.ndarray) -> None:
 
 
 def place(camera: viser.CameraHandle, position: np.ndarray, look_at: np.ndarray) -> None:
-    """Put a camera somewhere, looking at a point; both (3,)."""
+    """Put a camera at a position (3,), looking at a point (3,)."""
     with camera.client.atomic():
-        camera.position = position  # which moves the point that is looked at, so that comes last
+        camera.position = position  # this also moves the point looked at, so set that one last
         camera.look_at = look_at
 
 
 def adapt(camera: viser.CameraHandle) -> None:
-    """Let the near plane follow the distance at which the camera looks."""
+    """Adapt the near plane to the distance of the point that the camera looks at."""
     distance = float(np.linalg.norm(np.array(camera.position) - np.array(camera.look_at)))
     near = min(NEAR_MOST, 2.0 ** round(math.log2(max(NEAR * distance, 1e-7))))
     if camera.near != near:
