@@ -3,7 +3,7 @@
 # editable one would leave out the launchers and the ament index that `ros2 run` reads.
 
 ARGS ?=
-# All tests are shared among three workers: on two cores, as one often waits for other processes. A
+# The tests are shared among three workers: on two cores, as one often waits for other processes. A
 # few of them are over before a second worker is there.
 WORKERS ?= $(if $(ARGS),0,3)
 VENV ?= .venv$(if $(ROS_DISTRO),-$(ROS_DISTRO))
@@ -46,11 +46,12 @@ RUN = PATH="$(abspath $(VENV))/bin:$$PATH" PYTHONSAFEPATH=1 \
 	AMENT_PREFIX_PATH="$(abspath $(VENV))$${AMENT_PREFIX_PATH:+:$$AMENT_PREFIX_PATH}"
 
 .NOTPARALLEL:
-.PHONY: help demo test indices bench robots latency accuracy docs lint format clean
+.PHONY: help demo test test-long indices bench robots latency accuracy docs lint format clean
 
 help:
 	@echo 'make demo [ARGS="--seconds 10"]   watch the bundled scene in the terminal'
-	@echo 'make test [ARGS="-k scene"]       run the tests (ARGS go to pytest)'
+	@echo 'make test [ARGS="-k scene"]       run the tests, six minutes (ARGS go to pytest: all, or some)'
+	@echo 'make test-long                    run the tests that take long, which make test leaves out'
 	@echo 'make indices                      ask every question under a check of every index'
 	@echo 'make bench [ARGS="--quick"]        time the engine beside FCL and coal (--pqp DIR: PQP too)'
 	@echo 'make robots [ARGS="--quick"]       all links of real robots against pinocchio and coal'
@@ -69,9 +70,13 @@ demo: $(VENV)/.installed-demo
 # The check of indices compiles all kernels once more, for itself alone.
 INDICES = test/engine/test_bounds_check.py
 
+PYTEST = $(RUN) $(ENV_PYTHON) -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder
+
 test: $(VENV)/.installed-test
-	$(RUN) $(ENV_PYTHON) -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder \
-	$(if $(ARGS),$(ARGS),--ignore=$(INDICES))
+	$(PYTEST) $(if $(ARGS),$(ARGS),-m "not long")
+
+test-long: $(VENV)/.installed-test
+	$(PYTEST) --ignore=$(INDICES) -m long
 
 indices: $(VENV)/.installed-test
 	$(RUN) $(ENV_PYTHON) -m pytest $(INDICES)

@@ -22,6 +22,7 @@ def compare(*arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not PEERS, reason="neither python-fcl nor coal is installed")
 def test_engines_agree_side_by_side(tmp_path):
     done = compare("--quick", "--scene", "chain", "--out", str(tmp_path))

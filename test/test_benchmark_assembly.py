@@ -8,9 +8,12 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 ASSEMBLY = Path(__file__).resolve().parents[1] / "benchmark" / "assembly.py"
 
 
+@pytest.mark.long
 def test_bounds_hold_in_a_crowd_and_of_hard_pairs(tmp_path):
     # A script finds the modules beside it only where this is not set.
     environment = {k: v for k, v in os.environ.items() if k != "PYTHONSAFEPATH"}

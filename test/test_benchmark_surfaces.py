@@ -28,6 +28,7 @@ def surfaces(*arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("scene", ["mesh", "wavy", "coaxial", "teapot", "points"])
 def test_bounds_hold_beside_the_peer(scene, tmp_path):
     if scene != "mesh" and not HAS_OCCT:
@@ -54,6 +55,7 @@ def test_the_teapot_is_newells():
     assert "do not close up" in open_pot.not_solid
 
 
+@pytest.mark.long
 def test_rates_of_a_deforming_surface(tmp_path):
     done = surfaces("--scene", "deform", "--poses", "1", "--out", str(tmp_path))
     assert done.returncode == 0, done.stderr
@@ -62,6 +64,7 @@ def test_rates_of_a_deforming_surface(tmp_path):
     assert min(row["rate"] for row in rows) > 0.0
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not HAS_OCCT, reason="cadquery-ocp is not installed")
 def test_rates_of_an_assembly(tmp_path):
     done = surfaces("--scene", "step", "--poses", "1", "--out", str(tmp_path))

@@ -197,6 +197,7 @@ def test_what_an_interrupt_cut_is_never_destroyed():
     assert (run.returncode, run.stderr) == (130, "")
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full")
 @pytest.mark.parametrize(
     ("arguments", "needed"),

@@ -111,7 +111,8 @@ def silent_bodies(frame: Frame) -> Mapping[str, str]:
         for name in pairs.silent_bodies.get(i, pairs.names[i]):
             # If both are silent, the stamp belongs to the one that is silent for longer.
             known = found.get(name)
-            found[name] = age if known is None else min(known, age)
+            # A stamp is NaN if one of the two had none ever. That tells nothing of the other.
+            found[name] = age if known is None else float(np.fmin(known, age))
     return {
         name: "never given" if math.isnan(age) else f"for {age:.1f} s"
         for name, age in found.items()

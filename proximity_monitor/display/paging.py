@@ -32,6 +32,7 @@ def pager(turn: str, first: int, total: int, mark: Callable[[int], str] = str) -
 
 
 def page_of(first: int, total: int) -> slice:
-    """Return the rows of the page that begins with row `first`; past the end, the last row."""
-    first = max(min(first, total - 1), 0)
+    """Return the rows of the page that begins with a row, or of the last page if there is none."""
+    if first >= total:
+        first = max(total - ROWS, 0)
     return slice(first, first + ROWS)

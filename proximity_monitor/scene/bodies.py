@@ -108,9 +108,7 @@ def _cloud(data: dict[str, Any], keys: Keys, unit: Unit, report: Report) -> Clou
     return Cloud(topic, unit.to_metre * data.get("radius", 0.0), data.get("frame", ""))
 
 
-def check_clouds(
-    section: list[dict[str, Any]], bodies: tuple[Body, ...], report: Report
-) -> None:
+def check_clouds(section: list[dict[str, Any]], bodies: tuple[Body, ...], report: Report) -> None:
     """Report the clouds of the file's section `bodies` whose frame is no body."""
     posed = [body.name for body in bodies if body.cloud is None]
     for index, data in enumerate(section):

@@ -29,6 +29,7 @@ from page_hand import (
 
 pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
 pytest.importorskip("viser", reason="viser is not installed: pip install '.[display]'")
+pytestmark = pytest.mark.long
 
 PAIR = "table - ball"
 GIZMO = "() => window.__viserSceneTree.getState()['/gizmo'].effectiveVisibility"

@@ -145,6 +145,13 @@ def test_a_body_that_never_had_a_pose_is_named():
     assert told.text == "no recent pose: c never given"
 
 
+def test_what_never_had_a_pose_says_nothing_of_how_long_another_is_silent():
+    mute = {0: ("a", "c"), 1: ("c",)}
+    stamps = (np.nan, 7.0, 9.0)
+    told = connection(news(frame=frame((STALE, STALE, 0), mute=mute, stamps=stamps)), NOW)
+    assert told.text == "no recent pose: a never given, c for 3.0 s"
+
+
 def test_nothing_is_live_with_a_stale_pair_of_which_no_silent_body_is_told():
     told = connection(news(frame=frame((0, STALE, 0))), NOW)
     assert told.state is ConnectionState.STALE

@@ -18,6 +18,7 @@ pytest.importorskip("viser", reason="viser is not installed: pip install '.[disp
 
 from proximity_monitor.ros import page_process
 
+pytestmark = pytest.mark.long
 BESIDE = "Drag the parts and see their clearances at "
 SCENE = """
 version: 1

@@ -82,6 +82,7 @@ def red(page):
     return int((seen[..., 0] > seen[..., 2] + 60).sum())
 
 
+@pytest.mark.long
 def test_a_far_ball_has_fewer_triangles_and_looks_the_same(server, browser, wait):
     camera = server.initial_camera
     camera.position, camera.look_at = (0.0, 1e-3, 5.6), (0.0, 0.0, 0.0)

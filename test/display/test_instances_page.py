@@ -48,6 +48,7 @@ def face(page, i):
     return np.median(look(page, 268 + 77 * i, 320, 8, 8), axis=0)
 
 
+@pytest.mark.long
 def test_instances_look_like_other_bodies_with_edges_and_what_has_no_pose_is_hidden(
     server, boxes, browser, wait
 ):

@@ -15,6 +15,7 @@ from page_alone import HERE, PARTS, SCENE, page_of
 from proximity_monitor.display.paging import ROWS
 from proximity_monitor.display.state import STOP, Body, Frame, Pairs
 
+pytestmark = pytest.mark.long
 COUNT = 100
 PARTNERS = [f"part {i}" for i in range(COUNT)]
 BODIES = tuple(Body(name, True, f"/{i}", False, "1") for i, name in enumerate(["tool", *PARTNERS]))

@@ -244,6 +244,7 @@ run.main(["--ros-args", "-p", "port:=0"])
 """
 
 
+@pytest.mark.long
 def test_the_program_says_so_with_its_exit_code(ros_environment):
     ended = subprocess.run(
         [sys.executable, "-c", BROKEN], capture_output=True, text=True, timeout=DEADLINE_S

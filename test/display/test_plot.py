@@ -217,6 +217,7 @@ def test_the_plot_says_what_its_grey_is(shown):
     assert np.isfinite(np.array(data)).all()
 
 
+@pytest.mark.long
 def test_a_browser_draws_no_line_through_a_gap_and_all_numbers(browser, server, eventually):
     session, choice = Session(), Choice(pair=FAR)
     plot = Plot(server.gui, session, choice)

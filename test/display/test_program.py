@@ -37,6 +37,7 @@ def start(launch, wait):
     return start
 
 
+@pytest.mark.long
 def test_it_listens_on_this_machine_alone_refuses_foreign_pages_and_ends_on_a_signal(start):
     process, address = start(port=0)
     at = urlsplit(address)
@@ -53,6 +54,7 @@ def test_it_listens_on_this_machine_alone_refuses_foreign_pages_and_ends_on_a_si
     assert "Traceback" not in process.text
 
 
+@pytest.mark.long
 def test_a_port_that_is_taken_is_not_silently_another(start):
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]

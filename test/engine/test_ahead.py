@@ -121,6 +121,7 @@ def test_what_a_worker_keeps_is_taken_and_no_claim_is_left(warm):
     assert said == ("done\n", "")
 
 
+@pytest.mark.long
 def test_who_needs_a_kernel_that_another_compiles_waits_for_it(warm, tmp_path):
     (file,) = kept(warm)
     there = tmp_path / file.relative_to(warm)

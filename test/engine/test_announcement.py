@@ -6,6 +6,8 @@ import os
 import subprocess
 import sys
 
+import pytest
+
 QUICK = "import numpy as np; from proximity_monitor import engine; "
 # The kernel that is compiled fastest.
 POSE = "from proximity_monitor.engine.poses import check_pose; check_pose(np.eye(4)); "
@@ -23,6 +25,7 @@ def run(code, cache=None):
     return done.stderr
 
 
+@pytest.mark.long
 def test_a_plain_script_is_told_once_on_a_new_machine(tmp_path):
     said = run(QUICK + POSE, tmp_path).splitlines()
     assert len(said) == 1
@@ -36,6 +39,7 @@ def test_whoever_sets_up_logging_has_it_there(tmp_path):
     assert said.startswith("WARNING at proximity_monitor.engine: compiling")
 
 
+@pytest.mark.long
 def test_an_import_and_other_packages_kernels_say_nothing(tmp_path):
     other = "import numba; numba.njit(lambda x: x + 1)(1)"
     assert run(QUICK + other, tmp_path) == ""

@@ -168,6 +168,7 @@ def test_without_a_budget_no_answer_depends_on_the_clock(monkeypatch):
     assert np.array_equal(again.rows, found.rows, equal_nan=True)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("threads", [1, 2])
 def test_asking_about_signs_comes_to_an_end_with_any_budget(threads):
     models = [sphere(3, 1.0), sphere(3, 0.95), torus(24), box((0.1, 0.1, 0.1)), CAPSULES]

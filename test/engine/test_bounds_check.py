@@ -12,7 +12,7 @@ import pytest
 FOLDER = Path(__file__).parent
 
 
-@pytest.mark.once
+@pytest.mark.long
 def test_every_index_is_in_bounds(tmp_path):
     """All kernels are compiled anew, which takes two minutes: `make indices` does it alone."""
     # Not optimised: the check takes longer to compile than to run.

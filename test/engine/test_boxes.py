@@ -115,6 +115,7 @@ def settings():
     return [factor * np.array(d) for d in directions for factor in (1.2, 0.8, 0.1)]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("number", "first", "second"),
     [(i, *pair) for i, pair in enumerate(itertools.combinations_with_replacement(SHAPES, 2))],
@@ -140,6 +141,7 @@ def test_a_bound_is_the_distance_of_the_boxes(number, first, second):
     assert apart >= 9
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("seed", range(3))
 def test_a_bound_is_the_distance_of_any_boxes(seed, kind):
@@ -173,6 +175,7 @@ def test_boxes_that_touch_are_not_apart(kind):
         assert -16.0 * 2.0**-24 * size <= bound <= 0.0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("other", [1e-12, 1e-6, 1.0, 1e6, 1e12])
 @pytest.mark.parametrize("factor", [1e-200, 1e-30, 1e-6, 1.0, 1e6, 1e30])

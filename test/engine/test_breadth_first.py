@@ -109,6 +109,7 @@ def test_the_vertices_kept_of_the_whole_models_are_its_first_upper_bound(monkeyp
         assert found.upper == pytest.approx(gap, abs=1e-13)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("length", [1 << 9, 1 << 10, 1 << 11])
 def test_a_full_list_is_searched_from_its_end(length, monkeypatch):
     exact = engine.distance(*(x for mesh in NESTED for x in (mesh, IDENTITY)))

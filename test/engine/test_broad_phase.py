@@ -33,6 +33,7 @@ def near(broad, centres, radii, moving=None, taking_part=None):
     return set(listed)
 
 
+@pytest.mark.long
 @settings(deadline=None, max_examples=150)
 @given(
     seed=st.integers(0, 2**32 - 1),

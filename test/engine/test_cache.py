@@ -96,6 +96,7 @@ for damage, content in damages.items():
 """
 
 
+@pytest.mark.long
 def test_what_is_broken_or_could_be_anothers_is_made_anew(kept):
     code = BROKEN.replace("sys.argv[1]", repr(str(kept)))
     said = run(code, kept.parents[2]).splitlines()
@@ -103,6 +104,7 @@ def test_what_is_broken_or_could_be_anothers_is_made_anew(kept):
     assert f"not used: {kept}: broken" in said[0]
 
 
+@pytest.mark.long
 def test_a_truncated_file_costs_one_line_once(kept):
     kept.write_bytes(kept.read_bytes()[:1000])
     said = run(ASK, kept.parents[2]).splitlines()
@@ -118,6 +120,7 @@ def test_a_file_under_another_name_is_broken(kept):
         cache._read(file, "search.search-0.nbc")
 
 
+@pytest.mark.long
 def test_no_home_no_user_and_nothing_temporary_is_no_error(tmp_path):
     """Only what it says: without a place, nothing is kept."""
     nowhere = (
@@ -298,6 +301,7 @@ def ask():
 """
 
 
+@pytest.mark.long
 def test_what_a_kernel_calls_is_taken_with_it_or_both_are_made_anew(tmp_path):
     """Machine code finds that of shared kernels by name; where it does not, the process ends."""
     (tmp_path / "called.py").write_text(CALLED)
@@ -315,6 +319,7 @@ def test_what_a_kernel_calls_is_taken_with_it_or_both_are_made_anew(tmp_path):
     assert (ask(), ask()) == ("0", "1"), "what it called was made anew, under another name"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("setting", ["NUMBA_ENABLE_PROFILING=1", "NUMBA_LOOP_VECTORIZE=0"])
 def test_what_was_made_for_a_profiler_is_for_no_other_process(kept, tmp_path, setting):
     """A process that was profiled once left slow kernels to all that came after it."""

@@ -23,6 +23,7 @@ MODELS = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", MODELS)
 @pytest.mark.parametrize("spread", [0.3, 1.0, 5.0])
 def test_against_brute_force(name, spread):

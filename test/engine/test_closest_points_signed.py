@@ -64,6 +64,7 @@ def around(model, rng, matrix, count=150):
     return np.concatenate((matrix[:3, 3] + 0.7 * rng.normal(size=(count, 3)), upon))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", SOLIDS)
 def test_signs_are_those_of_solid_angles(name):
     model, rng = SOLIDS[name], np.random.default_rng(1)

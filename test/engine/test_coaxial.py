@@ -185,6 +185,7 @@ def motion_of(at):
     return np.append(at[:3, :3].ravel(), at[:3, 3])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["vase", "torus", "cylinder", "rational", "many spans"])
 def test_no_point_begins_before_its_bound(name):
     """Whatever the tilt, the sector and the direction; and about one axis that is where it does."""

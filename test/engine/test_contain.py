@@ -51,6 +51,7 @@ def rows(poses, clearance=np.inf, budget_s=None, threads=1):
     return engine.Assembly(MODELS).rows(asked, budget_s, threads)
 
 
+@pytest.mark.long
 def test_a_sign_is_open_where_the_models_may_overlap_alone():
     rng = np.random.default_rng(4)
     overlapping = 0

@@ -66,6 +66,7 @@ def check_answer(a, pose_a, b, pose_b, found):
     assert found.primitive_tests >= 1
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("first", SMALL)
 @pytest.mark.parametrize("second", SMALL)
 def test_bounds_hold_the_exact_distance(first, second):

@@ -61,6 +61,7 @@ def test_a_tip_and_a_ridge_above_a_saddle_end_soon(made, height, most):
     assert np.median(bounds) <= most
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", range(6))
 def test_nothing_of_a_triangle_that_is_about_as_near_all_over_is_nearer_than_the_bound(seed):
     """Its corners are about as high above a wavy surface: whether one is the nearest is unclear."""

@@ -38,6 +38,7 @@ def places(tree, count):
         yield int(element), u, v, np.array(jet[0]), n / np.linalg.norm(n)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", SURFACES)
 def test_no_point_of_the_surface_is_nearer_than_is_said(name):
     tree, tight = SURFACES[name]._hierarchy.tree, 0

@@ -48,6 +48,7 @@ def exact_distances(a, b, pose_a, pose_b):
     return [root(exact_squared_distance(p.tolist(), q)) for p in first for q in second]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", KINDS)
 def test_no_filter_exceeds_the_exact_distance(kind):
     corners, local = np.empty(CORNERS), np.empty(CORNERS - 3 * BATCH, np.float32)
@@ -125,6 +126,7 @@ def check_along_the_direction(a, b, pose_a, pose_b):
     return dismissed
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", KINDS)
 def test_volumes_of_two_nodes_are_no_farther_along_the_direction_than_their_triangles(kind):
     for crowd in crowds(kind):

@@ -101,6 +101,7 @@ def is_inside(profile, rho, z):
     return bool((at > 0.0).sum() % 2)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("share", "spare"), [(0.01, 1e-12), (0.0, 1e-9), (0.0, 2e-12)])
 def test_the_nearest_point_and_the_side_of_many_points(solid, share, spare):
     made, profile = solid

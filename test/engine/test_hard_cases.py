@@ -204,6 +204,7 @@ def share_of(size: float, found: engine.Distance, squared: Fraction) -> float:
     return error / size
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("name", "volume", "order"), covering(CASES, VOLUMES, ORDERS))
 def test_hard_case(name, volume, order):
     (a, pose_a, b, pose_b), squared = question(name)

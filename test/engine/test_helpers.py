@@ -60,6 +60,7 @@ def without(place, left, suffix):
     return left
 
 
+@pytest.mark.long
 def test_a_kernel_is_linked_of_helpers_that_another_process_compiled(first, tmp_path):
     place, found, compiled, refused = first
     assert compiled > 3
@@ -74,6 +75,7 @@ def test_machine_code_that_is_kept_needs_no_helpers(first, tmp_path):
     assert ask(without(place, tmp_path, ".part")) == (found, 0, 0)
 
 
+@pytest.mark.long
 def test_a_broken_helper_is_compiled_anew(first, tmp_path):
     place, found, _, _ = first
     left = without(place, tmp_path, ".nbc")
@@ -107,6 +109,7 @@ def test_versions_of_one_function_are_kept_apart():
     assert len(names) == len(symbols) == 3
 
 
+@pytest.mark.long
 def test_a_helper_s_code_has_one_name_in_all_processes():
     """Else what one compiles finds nothing of it in what another one does at the same time."""
     script = """

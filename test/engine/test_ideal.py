@@ -68,6 +68,7 @@ def test_along_a_path_a_tolerance_comes_near_the_ideal():
     assert found[1:].sum() < 1.3 * ideal[1:].sum()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("scene", ["spheres/0.1", "spheres/1.0", "concentric/0.9"])
 def test_poses_that_have_nothing_in_common_come_near_the_ideal_with_a_tolerance(scene):
     """The middles of volumes tell what is near; their bounds led to 2 to 11 times the ideal."""

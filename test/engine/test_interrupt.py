@@ -6,6 +6,8 @@ import json
 import subprocess
 import sys
 
+import pytest
+
 ENDLESS = 1.0
 """Seconds that no interrupted question takes until it ends, on any machine; each of these would
 take far longer."""
@@ -85,6 +87,7 @@ print(json.dumps(took))
 """
 
 
+@pytest.mark.long
 def test_every_question_ends_soon_after_ctrl_c():
     done = subprocess.run(
         [sys.executable, "-c", ASKED], capture_output=True, text=True, check=False, timeout=300

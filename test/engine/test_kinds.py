@@ -279,7 +279,7 @@ def check(asker, brute, pose_a, pose_b):
     return slices, waited
 
 
-@pytest.mark.once
+@pytest.mark.long
 def test_balls_against_balls():
     own, other = balls(1), balls(2)
     asker = Asker(entry_of(BallTree, BallTree), tree_of(own), tree_of(other))
@@ -296,7 +296,7 @@ def test_balls_against_balls():
     assert np.sum(found, axis=0)[1] > 0, "leaf work was left over at the end of a slice"
 
 
-@pytest.mark.once
+@pytest.mark.long
 def test_balls_against_a_mesh():
     """The oracle are points, whose distance less the radius is that of the ball."""
     own, mesh = balls(4), torus(16)

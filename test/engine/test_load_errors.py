@@ -348,6 +348,7 @@ def broken(data, steps):
     return bytes(result)
 
 
+@pytest.mark.long
 @settings(
     max_examples=600, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )

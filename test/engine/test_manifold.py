@@ -73,6 +73,7 @@ def check(found, distances, rounding):
     return held
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("order", ORDERS)
 @pytest.mark.parametrize("name", list(CONTINUA))
 def test_continua_are_found_whole(name, order):
@@ -87,6 +88,7 @@ def test_continua_are_found_whole(name, order):
     assert held.sum() == len(found.manifold) > 20  # triangles, not volumes
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", list(SMALL))
 def test_bodies_anywhere(name):
     rng = np.random.default_rng(1)
@@ -100,6 +102,7 @@ def test_bodies_anywhere(name):
             assert (distances[held] <= found.upper + 1e-13).all()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("order", ORDERS)
 @pytest.mark.parametrize("tolerance", [{"rel_err": 0.1}, {"abs_err": 0.05}, {"abs_err": np.inf}])
 def test_a_tolerance_leaves_volumes_alone_and_misses_nothing(tolerance, order):
@@ -116,6 +119,7 @@ def test_a_tolerance_leaves_volumes_alone_and_misses_nothing(tolerance, order):
             assert found.lower <= found.manifold.lower.min()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("order", ORDERS)
 def test_a_cut_search_has_all_that_is_left_and_goes_on(order):
     a, b = sphere(2), sphere(2, 1.02)

@@ -211,6 +211,7 @@ def test_a_mesh_can_be_sent_to_another_process():
         assert not array.flags.writeable
 
 
+@pytest.mark.long
 def test_the_engine_works_without_trimesh():
     """Models made from arrays need no file reader; it is imported where a file is loaded."""
     code = (

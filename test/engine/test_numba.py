@@ -331,6 +331,7 @@ def test_tables_of_solids_and_of_balls_lead_to_their_arrays():
     assert (ball.stack[1], ball.reached[1]) == (10, 11.0)
 
 
+@pytest.mark.long
 def test_only_the_base_is_clever():
     """What numba does not document, and LLVM, are used in one room alone."""
     found = []

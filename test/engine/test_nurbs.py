@@ -99,6 +99,7 @@ def blossoms(knots, degree, points, span, low, high):
         yield d[span]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("degree", "knots", "decades"), covering((1, 2, 3, 8, 15), KNOTS, (0.0, 8.0))
 )
@@ -129,6 +130,7 @@ def test_pieces_are_those_of_exact_arithmetic(knots, degree, decades):
     assert seen == (len(ends) - 1) * (degree + 1)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("decades", [0.0, 3.0])
 @pytest.mark.parametrize("knots", KNOTS)
 def test_pieces_are_the_patch(knots, decades):

@@ -91,6 +91,7 @@ def test_bounds_of_rectangles_hold(name):
     assert less > 10
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", SURFACES)
 def test_nearest_points_are_those_of_the_oracle(name):
     """Points around the model, and very near it."""
@@ -109,6 +110,7 @@ def test_nearest_points_are_those_of_the_oracle(name):
     assert np.abs(found.upper - distances).max() <= 1e-12 * size
 
 
+@pytest.mark.long
 def test_no_sample_is_nearer():
     model, rng = bumps(1), np.random.default_rng(3)
     u, v = np.meshgrid(*2 * [np.linspace(0.0, 1.0, 150)], indexing="ij")

@@ -40,6 +40,7 @@ def volumes_of(tree, node):
     return lanes
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("mesh", [sphere(1.0, 500), warped_torus()], ids=["sphere", "torus"])
 def test_a_promise_is_how_far_both_faces_stand_off_the_children(mesh):
     tree = engine.TriangleMesh(*mesh)._hierarchy.tree

@@ -112,6 +112,7 @@ def check(lower: float, upper: float, question: Question) -> None:
     assert float(max(Fraction(upper) - exact, exact - Fraction(lower))) <= question.accuracy
 
 
+@pytest.mark.long
 @PLAIN
 @given(questions)
 def test_lower_exact_upper_for_every_volume_and_order(question):
@@ -159,6 +160,7 @@ def test_an_exact_common_motion_changes_nothing(question, motion):
     check(found.lower, found.upper, q)
 
 
+@pytest.mark.long
 @PLAIN
 @given(anywhere(), seeds)
 def test_a_common_rigid_motion_changes_nothing_but_rounding(question, seed):
@@ -170,6 +172,7 @@ def test_a_common_rigid_motion_changes_nothing_but_rounding(question, seed):
     assert max(one.lower, other.lower) <= min(one.upper, other.upper) + 5e-14
 
 
+@pytest.mark.long
 @PLAIN
 @given(questions, st.sampled_from((0.0, 0.5, 1.0 - 1e-9, 1.0, 1.0 + 1e-9, 2.0)))
 def test_within_agrees_with_the_exact_distance(question, share):

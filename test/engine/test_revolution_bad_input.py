@@ -197,6 +197,7 @@ def test_random_stars_are_accepted():
         assert not refusal(curves)
 
 
+@pytest.mark.long
 def test_random_cusps_and_corners_of_no_angle():
     random = np.random.default_rng(6)
     for size in 10.0 ** random.uniform(-6.0, -2.0, 100):
@@ -240,6 +241,7 @@ def crossing(points, kept=None):
     return bool(((j > i + 1) & (places[j] - places[i] < len(points) - 2)).any())
 
 
+@pytest.mark.long
 def test_random_profiles_against_samples():
     random = np.random.default_rng(7)
     crossed = 0

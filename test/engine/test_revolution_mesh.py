@@ -181,6 +181,7 @@ def distances(table, points, found):
         found[k] = here.distance
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", CONVEX)
 def test_where_a_triangle_is_nearest(name):
     """Beside random triangles, needles and points: no sample of one is nearer."""

@@ -101,6 +101,7 @@ def _from_arc(arc, points):
     return np.where(within, np.abs(np.hypot(x, y) - radius), ends)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("one", "other"), list(itertools.combinations_with_replacement(SOLIDS, 2)))
 def test_as_their_patches(one, other):
     """At random poses, near and far, crossing ones among them; in either order."""

@@ -39,6 +39,7 @@ from proximity_monitor import engine
 from proximity_monitor.engine import Status
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("first", "second"), PAIRS)
 def test_against_brute_force(first, second):
     """Every pair once, now one first and now the other; nested ones and cavities are among them."""
@@ -150,6 +151,7 @@ def test_touching_boxes():
         assert found.status is Status.INTERSECTING
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", SOLIDS)
 def test_a_model_upon_itself(name):
     model = SOLIDS[name]

@@ -194,6 +194,7 @@ def pose_of_angle(rng, angle):
 MODELS = (BALL, SMALL), (BALL, RING), (RING, box()), (CROWD, BALL), (RING, RING)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["creeping", "slow", "fast", "turning"])
 @pytest.mark.parametrize("which", range(len(MODELS)))
 def test_what_is_remembered_changes_no_answer(which, kind):

@@ -65,6 +65,7 @@ FITS = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", FITS)
 def test_no_point_is_deeper_than_the_bound(name):
     """Against points that climb at random from all over the shaft's surface."""

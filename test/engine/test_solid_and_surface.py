@@ -58,6 +58,7 @@ SURFACES = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("first", SOLIDS)
 @pytest.mark.parametrize("second", SURFACES)
 def test_a_solid_and_a_surface_by_brute_force(first, second):
@@ -166,6 +167,7 @@ def test_one_face_turned():
     assert engine.signed_distance(model, IDENTITY, sphere(1, 0.2), translation(1.5)).lower > 0.2
 
 
+@pytest.mark.long
 @settings(max_examples=30, deadline=None)
 @given(
     st.integers(0, 2**32 - 1).map(np.random.default_rng),

@@ -89,6 +89,7 @@ def cells(patch):
     return np.column_stack([u, v]), lengths * np.outer(*widths).ravel()
 
 
+@pytest.mark.long
 def test_each_face_has_the_area_that_opencascade_measures(faces):
     trimmed = 0
     for theirs, ours in faces:
@@ -104,6 +105,7 @@ def test_each_face_has_the_area_that_opencascade_measures(faces):
     assert trimmed > 50
 
 
+@pytest.mark.long
 def test_points_lie_on_the_face_where_its_classifier_says(faces):
     random = np.random.default_rng(5)
     kinds = set()
@@ -151,6 +153,7 @@ def test_normals_of_solids_point_outward(faces):
     assert volume > 0.0
 
 
+@pytest.mark.long
 def test_parts_have_names_places_and_colours():
     placed = {each.name: each for each in engine.load_placements(GEARBOX)}
     assert list(placed) == [
@@ -244,6 +247,7 @@ def test_other_files_have_no_parts(tmp_path):
         engine.load(GEARBOX, part="lid")
 
 
+@pytest.mark.long
 def test_parts_that_close_up_are_solids():
     random = np.random.default_rng(2)
     shapes = {each.model for each in engine.load_placements(GEARBOX)}
@@ -266,6 +270,7 @@ def test_parts_that_close_up_are_solids():
         assert (found.lower[far][~inside] > 0.0).all()
 
 
+@pytest.mark.long
 def test_how_deep_parts_are_pushed_into_each_other_is_that_of_their_meshes():
     error = 3e-4
     parts = {

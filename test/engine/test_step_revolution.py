@@ -189,6 +189,7 @@ OTHERS = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", OTHERS)
 def test_any_other_part_stays_a_surface_of_patches(name, tmp_path):
     made = engine.load(written(OTHERS[name](), tmp_path / "part.step"))
@@ -223,6 +224,7 @@ def test_faces_that_look_to_unlike_sides_bound_nothing():
     assert find_revolution([*faces, faces[0]]) is None
 
 
+@pytest.mark.long
 def test_parts_of_an_assembly():
     """In their own frames; their names, places and colours are as those of any other part."""
     kinds = {}

@@ -132,6 +132,7 @@ def made(name):
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("names", PAIRS, ids=" and ".join)
 def test_every_pair_of_kinds_is_exact(names):
     (a, oracle_a), (b, oracle_b) = (made(name) for name in names)
@@ -252,6 +253,7 @@ def test_a_continuum_of_minima_ends_and_its_bounds_are_right(name):
         assert rough.upper <= 1.1 * answer.upper + 1e-12
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
 @pytest.mark.parametrize("away", [0.0, 1e8])
 def test_scales_and_poses_far_away(scale, away):
@@ -286,6 +288,7 @@ def degenerate(name):
     }[name]()  # fmt: skip
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "name",
     ["collapsed edge", "two collapsed edges", "a line", "a line that folds", "a point", "flat",
@@ -302,6 +305,7 @@ def test_degenerate_patches(name):
         check(answer, Shape(SQUARE), pose, oracle, HERE)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("tolerance", [{"rel_err": 0.3}, {"abs_err": 0.1}, {"abs_err": 1e-6}])
 @pytest.mark.parametrize("order", ["depth_first", "priority", "breadth_first"])
 def test_tolerances_and_orders(tolerance, order):
@@ -338,6 +342,7 @@ def test_with_hardly_any_budget_a_pair_comes_to_its_end(names):
     assert answer.status is Status.EXACT
 
 
+@pytest.mark.long
 def test_motion_deformation_and_copies_of_a_pair():
     (a, oracle_a), b = made("rational"), bumps(1)
     pair, rng = engine.Pair(a, b), np.random.default_rng(2)

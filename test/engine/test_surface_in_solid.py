@@ -205,6 +205,7 @@ def test_a_search_that_was_cut_goes_on_and_its_bounds_always_hold():
     assert found.lower >= found.upper * (1.0 + 1e-3) - TIGHT
 
 
+@pytest.mark.long
 def test_a_whole_region_that_is_deepest_does_not_keep_the_search_from_its_end():
     """A sheet halfway through a box: a surface with waves would take for ever to all digits."""
     waves = 1e-3 * np.sin(np.arange(49.0)).reshape(7, 7)

@@ -329,6 +329,7 @@ def test_what_coincides_touches_in_each_piece_and_its_neighbours():
     assert found.complete
 
 
+@pytest.mark.long
 def test_contacts_that_a_budget_cuts_go_on_to_the_same_end():
     whole = engine.collide(TORUS, HERE, TORUS, moved(1.0, 0.0, 0.1), all_contacts=True)
     assert whole.complete

@@ -73,6 +73,7 @@ def directions(seed, count):
     return made / (np.linalg.norm(made, axis=1) * (1.0 + 1e-15))[:, None]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", SURFACES)
 def test_from_the_point_that_reaches_farthest(name):
     """No sample reaches beyond the bound, and that is right to rounding."""

@@ -165,6 +165,7 @@ def sampled(model, count=7):
     return np.concatenate(made)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", MODELS)
 def test_every_volume_holds_its_pieces_also_when_they_moved(name):
     model = MODELS[name]()

@@ -59,6 +59,7 @@ def test_spheres_are_spheres_to_the_last_digits():
 KINDS = ("sphere", "cloud", "capsules", "mesh")
 
 
+@pytest.mark.long
 @settings(deadline=None, max_examples=60)
 @given(
     seed=st.integers(0, 2**32 - 1),
@@ -102,6 +103,7 @@ def test_distances_are_those_of_the_cores_less_the_radii(
     assert not colliding or true <= ROUNDING * size
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("order", ["depth_first", "priority", "breadth_first"])
 @pytest.mark.parametrize("volume", ["rss", "obb"])
 def test_manifolds_and_contacts_hold_every_pair(order, volume):
@@ -206,6 +208,7 @@ def test_a_sphere_that_spins_stays_where_it_is():
         np.testing.assert_allclose(carried.points[0], [[0.5, 0, 0], [0.75, 0, 0]], atol=1e-15)
 
 
+@pytest.mark.long
 @settings(deadline=None, max_examples=100)
 @given(
     seed=st.integers(0, 2**32 - 1),

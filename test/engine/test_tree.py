@@ -73,6 +73,7 @@ def _sphere_40k():
     return mesh
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["rss", "obb", "aabb"])
 @pytest.mark.parametrize("name", MODELS)
 def test_every_volume_holds_its_triangles(name, kind):

@@ -59,6 +59,7 @@ def place(placement, rng, b):
     return pose_a, pose_b, b
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("placement", ["at the origin", "moved", "six digits"])
 @pytest.mark.parametrize("kind", KINDS)
 def test_both_bounds_are_within_their_share_of_the_exact_distance(kind, placement):

@@ -126,6 +126,7 @@ def sampled(patch, count=250):
     return patch.evaluate(*places[found == INSIDE].T)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", range(6))
 def test_no_sample_of_what_is_left_is_nearer_than_the_bounds(seed):
     random = np.random.default_rng(seed)

@@ -77,6 +77,7 @@ def swapped_trim(patch):
     return engine.Patch(patch.control.transpose(1, 0, 2), trim=Trim(loops, *UNIT))
 
 
+@pytest.mark.long
 def test_largest_balls_in_a_drilled_block():
     block = ParametricSurface(drilled(), solid=True)
     for radius, place, expected in (
@@ -202,6 +203,7 @@ def upper(begin, end, turn):
     return points
 
 
+@pytest.mark.long
 def test_an_edge_across_a_cylinder_is_compared_by_its_bends():
     model = ParametricSurface(slanted(8), solid=True)
     gap = find_joints(model.nets, 0.0).gap

@@ -73,6 +73,7 @@ def test_a_ball_around_another_solid_is_searched_as_any_other():
     assert found.upper - found.lower < 1e-4
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("gap", [1e-3, 1e-9, 1e-12, 1e-14, 0.0])
 @pytest.mark.parametrize("name", ["bore", "cylinder", "torus", "ball"])
 def test_a_ball_that_almost_touches_takes_one_bound(name, gap):

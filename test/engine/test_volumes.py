@@ -94,6 +94,7 @@ def same(first, second, size):
     assert second.lower <= first.upper
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("name", BODIES)
 def test_every_volume_holds_its_triangles(name, kind):
@@ -102,6 +103,7 @@ def test_every_volume_holds_its_triangles(name, kind):
     check_tree(mesh._hierarchy.tree, kind)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_volume_holds_the_parts_of_the_engine(engine_parts, kind):
     for part in engine_parts.values():

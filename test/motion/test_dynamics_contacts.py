@@ -21,6 +21,7 @@ def rounding(energies):
     return 1e-9 * np.abs(energies).max()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("forces", [{}, {"friction": 0.5}], ids=["smooth", "rough"])
 def test_a_box_comes_to_rest_and_stays(forces):
     world = on_floor([moving(box(0.1, 0.2, 0.1), at((0.1, -0.3, 0.052)))], **forces)
@@ -63,6 +64,7 @@ def test_without_friction_a_box_slides_on():
     assert world.poses()[0, 0, 3] == pytest.approx(0.5, abs=1e-3)
 
 
+@pytest.mark.long
 def test_a_perfectly_elastic_ball_keeps_its_energy():
     world = on_floor([moving(ball(0.05), at((0.0, 0.0, 0.55)))], restitution=1.0)
     energies, least = run(world, 6.0)
@@ -106,6 +108,7 @@ def test_two_balls_collide_as_newton_says(restitution):
     assert least >= LEAST
 
 
+@pytest.mark.long
 def test_a_tumbling_box_never_gains_energy_nor_sinks():
     body = moving(
         box(0.1, 0.2, 0.3),
@@ -161,6 +164,7 @@ def test_the_same_world_moves_the_same_bit_by_bit():
     assert np.array_equal(one.poses(), other.poses())
 
 
+@pytest.mark.long
 def test_a_penalty_holds_a_box_on_springs():
     law = ContactLaw("penalty", 0.002, 1e3)
     body = moving(box(0.1, 0.2, 0.1), at((0.0, 0.0, 0.06)))

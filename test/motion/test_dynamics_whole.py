@@ -188,6 +188,7 @@ def test_bodies_that_grow_into_each_other_are_told():
     assert re.search("stopped [0-9]+ times", made.describe())
 
 
+@pytest.mark.long
 def test_the_bundled_solid_rings_fall_and_lie_in_the_tray():
     described = scene.load_scene(scene.bundled("interlocked-rings"))
     models = {body.name: scene.load_model(body, described.unit) for body in described.bodies}

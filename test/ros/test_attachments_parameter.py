@@ -94,6 +94,7 @@ def test_what_cannot_be_attached_is_refused_with_the_reason(peer, change, reason
     assert len(peer.settle()) == 3
 
 
+@pytest.mark.long
 def test_a_node_can_start_with_bodies_attached(launch, scene_file, new_peer):
     process = launch(
         "node",

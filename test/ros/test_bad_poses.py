@@ -132,6 +132,7 @@ def test_a_body_that_the_scene_does_not_have_is_reported_by_name(peer):
     peer.node.destroy_publisher(stranger)
 
 
+@pytest.mark.long
 def test_bodies_that_never_had_a_pose_are_unknown_and_not_room(launch, scene_file, new_peer):
     peer = new_peer(launch("node", "-r", "__ns:=/quiet", scene=scene_file), "quiet")
     peer.hold(die=(0.8, 0.1, 0.9))

@@ -75,6 +75,7 @@ def test_an_array_of_another_length_is_counted_and_moves_nothing(alone, places):
     assert len(seen) == 1
 
 
+@pytest.mark.long
 def test_without_topics_of_bodies_the_array_still_moves_them(launch, scene_file, new_peer):
     process = launch(
         "node", "-r", "__ns:=/bulk", scene=scene_file, body_topics="false", threads="2"

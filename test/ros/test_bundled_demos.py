@@ -45,7 +45,7 @@ def installed(package):
         return False
 
 
-@pytest.mark.once
+@pytest.mark.long
 @pytest.mark.parametrize("name", LEAST)
 def test_a_bundled_scene_runs(ros_environment, tmp_path, name):
     if name == "arm" and not installed("example-robot-data"):

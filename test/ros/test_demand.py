@@ -29,6 +29,7 @@ class Listener:
             self.told.append({k: v for each in values for k, v in each.items()})
 
 
+@pytest.mark.long
 def test_what_nobody_listens_to_is_not_built(launch, scene_file, new_peer):
     """`quiet` talks to the first monitor, and its own namespace has no monitor at all."""
     process = launch("node", "-r", "__ns:=/asked", scene=scene_file, pose_timeout_s=60.0)

@@ -108,6 +108,7 @@ def test_the_demo_prints_what_the_monitor_publishes_and_ends_by_itself(command, 
     assert 10.0 - 1e-3 <= least < 11.0  # a busy machine misses the very moment
 
 
+@pytest.mark.long
 def test_its_seconds_begin_with_the_first_picture(command, environment):
     """Results come later than its seconds would be over."""
     run = subprocess.run(
@@ -121,6 +122,7 @@ def test_its_seconds_begin_with_the_first_picture(command, environment):
     assert "wall - slide" in run.stdout.partition("Smallest clearance")[0]
 
 
+@pytest.mark.long
 def test_many_bodies_without_thresholds_are_played_in_bulk_and_the_nearest_listed(
     tmp_path, environment
 ):
@@ -166,6 +168,7 @@ def test_many_bodies_without_thresholds_are_played_in_bulk_and_the_nearest_liste
     assert len(summary) == 1 + 20
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", [signal.SIGINT, signal.SIGTERM])
 def test_in_a_terminal_it_shows_a_live_table_until_a_signal_ends_it(command, environment, kind):
     ours, theirs = pty.openpty()
@@ -197,6 +200,7 @@ def test_in_a_terminal_it_shows_a_live_table_until_a_signal_ends_it(command, env
     assert b"Smallest clearance" in shown
 
 
+@pytest.mark.long
 def test_a_motion_that_fails_while_it_is_played_ends_the_demo(tmp_path, environment):
     (tmp_path / "slide.yaml").write_text(SCENE)
     command = [sys.executable, "-c", FAILS, str(tmp_path / "slide.yaml")]

@@ -83,6 +83,7 @@ def left_behind(peer):
     return [name for name, _ in names if any(each in name for each in ours)]
 
 
+@pytest.mark.long
 def test_a_hundred_lives_leave_nothing_behind(launch, scene_file, new_peer):
     process = launch("node", "-r", "__ns:=/lives", scene=scene_file, autostart="false")
     peer = new_peer(process, "lives")
@@ -99,6 +100,7 @@ def test_a_hundred_lives_leave_nothing_behind(launch, scene_file, new_peer):
     assert "Traceback" not in process.text
 
 
+@pytest.mark.long
 def test_what_was_there_before_the_node_was_spun_is_freed_as_well(launch, tmp_path, new_peer):
     """`spin` takes what is there when it begins out of the collector's sight."""
     (tmp_path / "slow.yaml").write_text(SLOW)
@@ -116,6 +118,7 @@ def test_what_was_there_before_the_node_was_spun_is_freed_as_well(launch, tmp_pa
     peer.wait(lambda: footprint(process)[0] < before - FREED_BYTES, "its memory to be given back")
 
 
+@pytest.mark.long
 def test_a_signal_in_the_middle_of_a_long_tick_ends_it_with_its_state_published(
     launch, tmp_path, new_peer
 ):

@@ -170,6 +170,7 @@ def test_two_monitors_in_one_domain_do_not_disturb_each_other(peer, launch, scen
     assert not first & second
 
 
+@pytest.mark.long
 def test_a_second_monitor_of_the_same_name_and_topics_leaves_the_first_working(
     peer, launch, scene_file
 ):

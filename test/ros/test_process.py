@@ -92,6 +92,7 @@ def test_a_bad_parameter_at_start_ends_the_node_with_a_message(begun, name):
     assert "atomic" not in text, "a call is no way out before it runs"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["node", "player"])
 def test_what_libraries_do_as_they_are_unloaded_crashes_nothing(run, executable, tmp_path, name):
     program = (
@@ -106,6 +107,7 @@ def test_what_libraries_do_as_they_are_unloaded_crashes_nothing(run, executable,
     assert "Traceback" not in process.text
 
 
+@pytest.mark.long
 def test_a_real_number_may_be_given_as_a_whole_one(launch, scene_file, new_peer):
     whole = {"rel_err": 0, "rate_hz": 40, "thresholds.hold_s": 1}
     process = launch("node", "-r", "__ns:=/whole", **{"scene": scene_file, **whole})
@@ -127,6 +129,7 @@ def test_a_signal_ends_an_active_node_cleanly(launch, scene_file, new_peer):
     assert "Traceback" not in process.text
 
 
+@pytest.mark.long
 def test_a_signal_ends_a_node_that_still_compiles(launch, scene_file, tmp_path, new_peer):
     empty = {"NUMBA_CACHE_DIR": str(tmp_path)}
     process = launch("node", "-r", "__ns:=/cold", scene=scene_file, environment=empty)
@@ -246,6 +249,7 @@ def test_a_lifecycle_manager_can_drive_it_through_its_states(launch, scene_file,
     assert process.stop(signal.SIGINT)[0] == 0
 
 
+@pytest.mark.long
 def test_a_scene_that_fails_to_configure_can_be_replaced(launch, scene_file, tmp_path, new_peer):
     process = launch("node", "-r", "__ns:=/again", scene=tmp_path / "none.yaml", autostart="false")
     peer = new_peer(process, "again")
@@ -254,6 +258,7 @@ def test_a_scene_that_fails_to_configure_can_be_replaced(launch, scene_file, tmp
     assert peer.change(Transition.TRANSITION_CONFIGURE)
 
 
+@pytest.mark.long
 def test_simulated_time_stamps_the_results_and_may_not_stand_still(launch, scene_file, new_peer):
     process = launch("node", "-r", "__ns:=/sim", scene=scene_file, use_sim_time="true")
     peer = new_peer(process, "sim")
@@ -366,6 +371,7 @@ def test_what_an_interrupt_cut_is_never_destroyed(ros_environment, how):
     assert run.stderr == "cut: ended by SIGINT\n"
 
 
+@pytest.mark.long
 def test_a_body_that_moves_from_rest_has_its_tick_at_once(launch, scene_file, new_peer):
     """As one in a hand: else it would wait for the timer, or for poses of all other bodies."""
     slow = {"scene": scene_file, "rate_hz": 0.5, "pose_timeout_s": 600.0}

@@ -138,6 +138,7 @@ def soft(launch_for_all, peer_for_all, tmp_path_factory):
     process.stop()
 
 
+@pytest.mark.long
 def test_a_body_without_vertices_is_stale_until_they_come_and_follows_them(soft):
     shapes, soft.shapes = soft.shapes, {}
     soft.peer.wait(
@@ -152,6 +153,7 @@ def test_a_body_without_vertices_is_stale_until_they_come_and_follows_them(soft)
     soft.wait_for_gap(0.2)
 
 
+@pytest.mark.long
 def test_a_surface_without_control_points_is_stale_until_they_come_and_follows_them(soft):
     shapes, soft.shapes = soft.shapes, {}
     stale = "no control points yet of sail", "no recent control points of sail"
@@ -168,6 +170,7 @@ def test_a_surface_without_control_points_is_stale_until_they_come_and_follows_t
     soft.wait_for_gap(0.2, "sail")
 
 
+@pytest.mark.long
 def test_a_solid_of_revolution_follows_its_profile_and_refuses_what_is_none(soft):
     for height in (0.0, 0.15, -0.1, 0.199):  # the foot stays
         grown = soft.rest["vase"] * [1.0, 1.0, 1.0 + height / 0.2]
@@ -212,6 +215,7 @@ def test_vertices_that_fall_silent_make_their_body_stale(soft, silent):
     soft.wait_for_gap(0.2)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("body", PAIRS)
 def test_bad_points_are_counted_by_reason_and_keep_nothing_fresh(soft, body):
     rest = soft.rest[body]

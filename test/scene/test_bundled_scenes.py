@@ -104,6 +104,7 @@ def chess():
     return Played("chess")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["cave", "chess", "interlocked-rings", "peg", "probe", "turbine"])
 def test_the_tool_makes_the_bundled_files_again(name, tmp_path):
     tool = ROOT / "tools" / f"make_{name.replace('-', '_')}_scene.py"

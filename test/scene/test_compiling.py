@@ -60,6 +60,7 @@ SHARED = {
 """They are compiled into others' code, and loaded only where they were compiled just now."""
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("body", ["", ", solid: false"])
 def test_the_kernels_that_a_scene_needs_are_those_that_it_loads(body, tmp_path):
     path = tmp_path / "two.yaml"

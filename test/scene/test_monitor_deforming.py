@@ -46,6 +46,7 @@ def test_bounds_hold_while_bodies_deform(load, body, head, budget_s):
         assert all(pair in listed or at.upper > 0.3 for pair, at in true.items())
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("budget_s", [0.0, 2e-4, 1.0])
 def test_bounds_hold_while_the_control_points_of_a_surface_move(load, tmp_path, budget_s):
     """A sail over a plane that holds the nearest point whatever happens, against scipy's splines.

@@ -61,7 +61,7 @@ def recorded(name):
 
 def marked(name):
     """The scene; where its exact answers take long, one Python has to ask for them."""
-    return pytest.param(name, marks=[pytest.mark.once] if name in SLOW else [])
+    return pytest.param(name, marks=[pytest.mark.long] if name in SLOW else [])
 
 
 @pytest.mark.parametrize("budget_s", BUDGETS)

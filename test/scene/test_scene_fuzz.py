@@ -2,6 +2,7 @@
 
 import random
 
+import pytest
 import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -124,6 +125,7 @@ def test_the_text_to_be_spoilt_is_sound(tmp_path):
     assert len(scene.robots[0].links) == 2
 
 
+@pytest.mark.long
 @relaxed
 @given(choices=st.randoms(use_true_random=False), value=values)
 def test_any_value_in_any_place(tmp_path, choices, value):
@@ -131,6 +133,7 @@ def test_any_value_in_any_place(tmp_path, choices, value):
     holds(tmp_path / "scene.yaml", yaml.safe_dump(data, sort_keys=False))
 
 
+@pytest.mark.long
 @relaxed
 @given(
     start=st.integers(0, len(SOUND)),

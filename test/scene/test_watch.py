@@ -42,6 +42,7 @@ def made(moving, rule, exceptions):
     return WatchedPairs(names, moving, KINDS, rule, np.array(exceptions).reshape(-1, 3))
 
 
+@pytest.mark.long
 @settings(deadline=None, max_examples=300)
 @given(watch=watches())
 def test_the_sequence_is_that_of_the_pairs_written_out(watch):

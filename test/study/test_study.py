@@ -26,6 +26,8 @@ from proximity_monitor.study.accuracy.run import PARTS
 from proximity_monitor.study.accuracy.timing import Timed, blocks, take_turns
 from proximity_monitor.study.surfaces import SURFACES
 
+pytestmark = pytest.mark.long
+
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 COMMAND = [sys.executable, "-m", "proximity_monitor.study", "accuracy"]
 SMALL = ["--quick", "--part", "tolerance", "volumes", "--scene", "cave/path", "chain"]
