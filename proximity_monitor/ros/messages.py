@@ -16,7 +16,8 @@ a pair with a range is left out while it is certainly farther apart.
 ``status``            exact, within tolerance, bounded, intersecting, overlapping, unknown pose
 ``state``             clear, warn, stop or stale
 ``stamp``             the older stamp of the two bodies' poses: the moment of the numbers
-``age_s``             seconds since the last search; 0 if the numbers answer the present poses
+``age_s``             seconds since the numbers answered the poses of that time; 0 if they
+                      answer the present ones
 ``direction``         unit vector from A's point to B's; empty if the points coincide
 ``feature_a, _b``     for a pair at warn or stop, the places of its points on the models: kind of
                       element, its index, and the point's parameters on it. On a mesh

@@ -12,7 +12,8 @@ texts; ``~/scene`` explains them. The checksum says whether a ``~/scene`` is of 
 ``lower, upper``           certified bounds, metres
 ``session_min``, ``session_min_lower``  the smallest upper and lower bounds since the last reset
 ``stamp``                  the older stamp of the two bodies' poses, seconds
-``age_s``                  seconds since the last search; 0 if the numbers answer the present poses
+``age_s``                  seconds since the numbers answered the poses of that time; 0 if they
+                           answer the present ones
 ``u_a, v_a, w_a``          for a pair at warn or stop: parameters of A's point on its element
 ``u_b, v_b, w_b``          the same for B's point; NaN if the kind of element does not need them
 ``a, b``                   positions among ``bodies`` of ``~/scene``

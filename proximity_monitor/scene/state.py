@@ -89,8 +89,8 @@ class PairState:
     point_b: np.ndarray
     status: PairStatus
     age_s: float
-    """Seconds since the pair's last search. 0 if the pair was searched in this tick, or if its
-    numbers still answer the present poses; inf if it was never searched."""
+    """Seconds since the pair's numbers answered the poses of that tick. 0 if the pair was searched
+    in this tick, or if its numbers still answer the present poses; inf if it was never searched."""
     silent: tuple[str, ...]
     """The bodies of the pair whose pose or shape is stale or was never given."""
     session_min: float
