@@ -50,7 +50,7 @@ def no_answers(count: int) -> NDArray[np.float64]:
 
 
 class Answers:
-    """What is known about pairs of bodies at every moment, between one search and the next.
+    """What is known about pairs of bodies at every tick, between one search and the next.
 
     A distance shrinks by at most the relative motion of the bodies, so the old lower bound minus
     that motion still holds. The two witness points, moved along with their bodies, still give an

@@ -1,4 +1,4 @@
-"""The queries about many pairs of bodies, moment by moment, and the order of their searches.
+"""The queries about many pairs of bodies, tick by tick, and the order of their searches.
 
 A level is a distance that a pair is judged against. Pairs whose bounds straddle a level are
 searched first. Then the pair with the least lower bound goes first, and of equal ones the pair with
@@ -59,9 +59,9 @@ class Queries(NamedTuple):
 
 
 class Schedule:
-    """The queries about the rows of a table of answers, moment by moment.
+    """The queries about the rows of a table of answers, tick by tick.
 
-    A moment is a call of `update`, then of `search`, then of `report`. An entry is the position of
+    A tick is a call of `update`, then of `search`, then of `report`. An entry is the position of
     a row among those given to `update`. Rows and bodies are given as numpy arrays of any integer
     type, flags as arrays of bool.
 
@@ -77,7 +77,7 @@ class Schedule:
             metres: a pair is searched only while it may be within its range; `rel_err` and
             `abs_err`, the tolerance of its distance; `deciding`: only the side of its levels is
             asked for; `ignored`: nothing is asked for. The caller reads these: `min_upper` and
-            `min_lower`, the smallest bounds (metres) of all moments at which both poses were
+            `min_lower`, the smallest bounds (metres) of all ticks at which both poses were
             certain.
     """
 
@@ -111,7 +111,7 @@ class Schedule:
         self._keys = np.empty((2, count))
 
     def prepare(self) -> None:
-        """Run every kernel of a moment once, so that no moment has to compile a kernel."""
+        """Run every kernel of a tick once, so that no tick has to compile a kernel."""
         nothing, nobody = np.empty(0, np.int64), np.zeros(len(self._answers.poses), np.bool_)
         self.update(nothing, nobody, nobody, True)
         self.order()
@@ -166,7 +166,7 @@ class Schedule:
         silent: NDArray[np.bool_],
         distances: bool,
     ) -> None:
-        """Begin a moment: find what is certain about rows (k,) at the present poses.
+        """Begin a tick: find what is certain about rows (k,) at the present poses.
 
         Args:
             rows: the rows, whose positions are the entries from now on.
