@@ -320,11 +320,11 @@ def was_deformed(places, answer):
 
 
 @kernel
-def keep_one(poses, versions, places, answer, lower, upper, points, features, others):
+def keep_one(poses, versions, places, answer, lower, upper, points, features, new_points):
     """Write an answer: what is known at the bodies' present poses.
 
     The points (2, 3) must be points of the models as they are now; `carry_one` relies on it.
-    `others` says that they are not the points that the answer already holds. If they are, the
+    `new_points` says that they are not the points that the answer already holds. If they are, the
     witness points in the bodies' frames stay, with the rounding allowance of that time: converting
     them to the world and back each time would make them drift.
     """
@@ -333,8 +333,8 @@ def keep_one(poses, versions, places, answer, lower, upper, points, features, ot
     answer.seen[0], answer.seen[1] = versions[a], versions[b]
     answer.lower, answer.upper = lower, upper
     size, defect = place_a.size + place_b.size, max(place_a.defect, place_b.defect)
-    answer.size = size if others else max(size, answer.size)
-    answer.defect = defect if others else max(defect, answer.defect)
+    answer.size = size if new_points else max(size, answer.size)
+    answer.defect = defect if new_points else max(defect, answer.defect)
     answer.stretch[0], answer.stretch[1] = place_a.stretch, place_b.stretch
     pose_a, pose_b = poses[a], poses[b]
     origin_a, origin_b = _column(pose_a, 3), _column(pose_b, 3)
@@ -343,7 +343,7 @@ def keep_one(poses, versions, places, answer, lower, upper, points, features, ot
     shift = _into(pose_a, sub(origin_b, origin_a))
     for i in range(3):
         answer.points[0, i], answer.points[1, i] = points[0, i], points[1, i]
-        if others:
+        if new_points:
             answer.witness[0, i], answer.witness[1, i] = witness_a[i], witness_b[i]
         answer.translation[i] = shift[i]
         column = _into(pose_a, _column(pose_b, i))
