@@ -36,7 +36,7 @@ from .foot import UNDIVIDED, bounded, enough, look_at_whole, unlooked
 from .parts import margin_of, take_whole
 from .square import is_beyond
 
-Bowl = namedtuple("Bowl", "place slack radius")
+Beyond = namedtuple("Beyond", "place slack radius")
 """The query: is no point nearer to a place than a radius? The answer is (yes, cost)."""
 
 Empty = namedtuple("Empty", "place slack share spare finest own")
@@ -93,7 +93,7 @@ def is_in_ball(tree_a, tree_b, state, a, b):
     """Tell whether a known ball proves two elements to be beyond the limit: a stub."""
 
 
-@implements(visit.lane_gaps, (Empty, Bowl))
+@implements(visit.lane_gaps, (Empty, Beyond))
 @inlined
 def _lane_gaps(query, nodes, base, x, y, z, margin, gaps):
     point_gaps(nodes, base, x, y, z, margin, gaps)
@@ -146,15 +146,15 @@ def _nearest(tree, place, radius, more, element, u, v, which):
     return nearest, answer[2], answer[3], least, answer[5]
 
 
-@implements(visit.limit, Bowl)
+@implements(visit.limit, Beyond)
 @inlined
-def _limit_of_bowl(query, answer):
+def _limit_beyond(query, answer):
     return query.radius if answer[0] else -np.inf
 
 
-@implements(visit.meet, Bowl)
+@implements(visit.meet, Beyond)
 @kernel
-def _meet_bowl(query, tree, t, answer):
+def _meet_beyond(query, tree, t, answer):
     piece, parts = tree.pieces[t], on_stack(_NUMBERS, 0.0)
     if piece.edge != NONE:  # an edge lies on a piece of its patch
         return answer
@@ -173,7 +173,7 @@ def _is_bowl(tree, place, radius):
     """
     stack, bounds = on_stack(ROOM, np.int32(0)), on_stack(ROOM, 0.0)
     found = on_stack(WIDTH, np.float32(0.0))
-    query = Bowl(place, points_err(tree), radius)
+    query = Beyond(place, points_err(tree), radius)
     answer, top = (True, np.int64(0)), at_root(stack, bounds)
     answer, _, _ = descend(query, tree, answer, top, stack, bounds, found, TO_THE_END)
     return answer
