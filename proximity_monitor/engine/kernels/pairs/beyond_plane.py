@@ -42,7 +42,7 @@ REST = 16
 """Searches along a motion that lay no plane beside a surface that is not convex, after a plane laid
 there did not end its search."""
 
-_CONVEX = 0.9
+_USEFUL = 0.9
 """A plane is of use only if the nearest triangle is beyond it by this share of the limit."""
 
 
@@ -68,7 +68,7 @@ def lay_plane(surface, mesh, state):
     most = progress.distance - progress.limit
     end = _end_along(surface, vector(progress.normal_a), s, ws[0], ws[1], most)
     plane[3] = end - progress.offset + GAP_SHARE * progress.slack
-    if begin_of(n, mesh.triangles, t) - plane[3] < _CONVEX * progress.limit:
+    if begin_of(n, mesh.triangles, t) - plane[3] < _USEFUL * progress.limit:
         plane[3] = np.inf  # the surface reaches farther elsewhere
         return PLANE_STEPS
     return PLANE_STEPS + end_where_held(mesh, progress)

@@ -51,7 +51,7 @@ _NEARER = 0.999
 _FAILED = 2
 """After so many planes beside parts of the mesh that held off too little, a search lays no more."""
 
-_CONVEX = 0.9
+_USEFUL = 0.9
 """A plane is of use only if a node's middle is beyond it by this share of its distance."""
 
 LEAF_STEPS = 4
@@ -187,7 +187,7 @@ def _open_beside(surface, mesh, state, lane, bound, lows):
     middle = scaled(row(mesh.centres, child), mesh.scale[0])
     here = gradient_at(solid, moved(motion, middle), spare)
     n, end = plane_across(solid, to_surface, here.normal, progress.slack)
-    if not dot(n, middle) - end > _CONVEX * here.distance:
+    if not dot(n, middle) - end > _USEFUL * here.distance:
         progress.futile += 1
         return False, 1
     end += progress.bound_slack
