@@ -67,7 +67,7 @@ Turning = namedtuple(
 rings (n,) RING: pairs of rings; heap (int32, n): the places of the open ones in `rings`; arcs_a and
 arcs_b (k,) ARC: arcs finer than those of the tree, numbered on from the tree's arcs; minima (m,)
 MINIMUM: the minima found last; front (2 f,) RING: in one half, the pairs of rings into which the
-last search parted the whole (see revolution/front.py)."""
+last search divided the whole (see revolution/front.py)."""
 
 RING = np.dtype(
     [
@@ -208,9 +208,9 @@ PROGRESS = np.dtype(
         ("dividing", np.int64),  # how many pairs of cells are in the heap
         ("aside", np.int64),  # how many pairs of cells are set aside
         ("narrow", np.int64),  # whether the room for cells is short (see surface/room.py)
-        ("lasts", np.int64),  # how many pairs of cells were divided while room was short
-        ("review", np.int64),  # value of `lasts` at which `look_back` next checks the progress
-        ("crowd", np.int64),  # how many pairs of cells there were at the last check
+        ("narrow_divisions", np.int64),  # how many pairs of cells were divided while room was short
+        ("next_check", np.int64),  # value of `narrow_divisions` at which `look_back` checks next
+        ("dividing_before", np.int64),  # how many pairs were in the heap at the last check
         ("cells_a", np.int64),  # how many cells there are of either model
         ("cells_b", np.int64),
         ("least_cells", np.float64),  # the least bound of pairs that cannot be divided any more
@@ -234,8 +234,8 @@ PROGRESS = np.dtype(
         ("narrowed", np.int64),  # how often a pair of rings was made smaller before a proof held
         ("front", np.int64),  # how many pairs of rings the front has, 0 if there is none; and
         ("front_half", np.int64),  # in which half of its room they are
-        ("parted", np.int64),  # how many this search keeps for the next front; NONE: no front
-        ("grown", np.int64),  # the most pairs with which a front is still used
+        ("recorded", np.int64),  # how many this search keeps for the next front; NONE: no front
+        ("largest_front", np.int64),  # the most pairs with which a front is still used
         ("along", np.float64, (4,)),  # the unit vector (rho, z) in a half-plane of a from its
         # nearest point to that of b; and cosine and sine of the angle of this half-plane
         ("collected", np.int64),  # how many pairs are collected

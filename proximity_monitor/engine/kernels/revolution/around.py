@@ -16,7 +16,7 @@ import numpy as np
 
 from ..base.jit import inlined, kernel
 from ..base.trees import NONE
-from .bound import begin_of, bends, sector_of
+from .bound import begin_of, sags, sector_of
 from .bounded import (
     beyond,
     bound_rings,
@@ -128,7 +128,7 @@ def _narrow(tree_a, tree_b, state, motion, a, b, s, t, angle, sector, bound):
                 bound = max(bound, least - progress.slack - progress.bound_slack)
                 progress.narrowed = k
                 break
-        long_a, long_b, around = bends(arc_a, arc_b, sector, half, motion)
+        long_a, long_b, around = sags(arc_a, arc_b, sector, half, motion)
         if around >= max(long_a, long_b):
             half *= 0.5
             sector = (sector[0], sector[1], math.cos(half), math.sin(half))

@@ -16,8 +16,8 @@ import numpy as np
 
 from ..base.jit import inlined, kernel
 from ..base.trees import NONE
-from .coaxial import ALIKE, begin_about_axis, bends_about_axis
-from .newton import turned
+from .coaxial import ALIKE, begin_about_axis, sags_about_axis
+from .newton import to_a
 from .reach import bulge, coarse_in, reach_in
 
 _SWEEPS = 2
@@ -33,7 +33,7 @@ _WIDE, _FRONT = 3.0, 0.5
 that is then split from it, radians."""
 
 _PIECES = 1e-3
-"""What counts as the bend of an arc around several pieces, as a share of half its chord."""
+"""What counts as the sag of an arc around several pieces, as a share of half its chord."""
 
 
 @inlined
@@ -178,12 +178,12 @@ def spread_of(arc, sector, motion):
     """Estimate how far apart b's points in a sector are as seen from a, metres."""
     spread = (1.0 - max(sector[2], 0.0)) * (abs(arc.middle[0]) + abs(arc.half[0]))
     if abs(motion[8]) > ALIKE:
-        spread = min(spread, bends_about_axis(arc, sector, motion)[1])
+        spread = min(spread, sags_about_axis(arc, sector, motion)[1])
     return spread
 
 
 @inlined
-def bends(arc_a, arc_b, sector, half, motion):
+def sags(arc_a, arc_b, sector, half, motion):
     """Return how far from straight a's arc, b's arc and b's sector are, metres.
 
     In a's plane a long arc of b near a's axis bends, too: its chord by the squared length over
@@ -191,25 +191,25 @@ def bends(arc_a, arc_b, sector, half, motion):
     point, and dividing them does not help. So the smallest circle of the arc about b's axis counts.
     """
     rho, z = arc_b.middle[0], arc_b.middle[1]
-    x, y, _ = turned(motion, rho * sector[0], rho * sector[1], z)
+    x, y, _ = to_a(motion, rho * sector[0], rho * sector[1], z)
     x, y = x + motion[9], y + motion[10]
     far = np.sqrt(x * x + y * y)
     rho = abs(rho) + abs(arc_b.half[0])
     width = 2.0 * min(half, 1.5) * rho
     long = arc_b.length
-    bent = long * long / (8.0 * max(far, 0.5 * long) + 1e-300)
+    sag = long * long / (8.0 * max(far, 0.5 * long) + 1e-300)
     around = width * width / (8.0 * max(far, 0.5 * width) + 1e-300)
     around += (1.0 - sector[2]) * max(rho - 2.0 * abs(arc_b.half[0]), 0.0)
     if abs(motion[8]) > ALIKE:
-        along, varied = bends_about_axis(arc_b, sector, motion)
-        bent, around = min(bent, along), min(around, varied)
-    of_b = arc_b.error + bulge(arc_b) + bent
+        along, varied = sags_about_axis(arc_b, sector, motion)
+        sag, around = min(sag, along), min(around, varied)
+    of_b = arc_b.error + bulge(arc_b) + sag
     return max(arc_a.error + bulge(arc_a), _apart(arc_a)), max(of_b, _apart(arc_b)), around
 
 
 @inlined
 def _apart(arc):
-    """Return what counts as the bend of an arc around several pieces, metres; 0 for a single piece.
+    """Return what counts as the sag of an arc around several pieces, metres; 0 for a single piece.
 
     Nearest points are only looked for on single pieces. So even a straight arc around several
     pieces has to be divided down to these.

@@ -138,7 +138,7 @@ def bound_rings(tree_a, tree_b, state, motion, a, b, angle, half, sector, bound)
     slot = progress.slots
     if slot == len(waiting.rings):
         progress.least_cells = min(progress.least_cells, bound)
-        progress.parted = NONE
+        progress.recorded = NONE
         return steps
     progress.slots += 1
     ring = waiting.rings[slot]
@@ -172,7 +172,7 @@ def go_over(tree_a, tree_b, state, motion):
     """Bound the pairs of the front, each along its own direction first; return the steps taken."""
     progress, front = state.progress[0], state.waiting.front
     first, steps = FRONT * progress.front_half, 0
-    progress.parted = 0
+    progress.recorded = 0
     for i in range(first, first + progress.front):
         ring = front[i]
         a, b, angle, half = np.int64(ring.a), np.int64(ring.b), ring.angle, ring.half

@@ -52,7 +52,7 @@ def off_axis(arc, motion):
 
 
 @inlined
-def bends_about_axis(arc, sector, motion):
+def sags_about_axis(arc, sector, motion):
     """Estimate how far from straight b's arc and sector are for bounds about an axis, metres.
 
     Both are infinite if there are no such bounds: see `begin_about_axis`.

@@ -37,9 +37,9 @@ from .part import (
     extent,
     halve,
     heading,
-    parted,
     point_on,
     separate,
+    separate_at_joint,
     take,
     width,
 )
@@ -216,7 +216,7 @@ def _boxes_meet(a, b):
 def _may_cross(a, degree_a, b, degree_b, joined):
     """Return whether no line separates two parts; of joined parts, no line through their joint."""
     if joined:
-        return not parted(a, degree_a, b, degree_b, _STRAIGHT)
+        return not separate_at_joint(a, degree_a, b, degree_b, _STRAIGHT)
     return not separate(a, degree_a, b, degree_b)
 
 

@@ -39,14 +39,14 @@ def begin_front(tree_a, tree_b, state):
         progress.front = 0
     if progress.front == 0:
         progress.arcs_a = progress.arcs_b = 0
-    progress.parted = NONE
+    progress.recorded = NONE
 
 
 @inlined
 def has_front(tree_a, tree_b, state):
     """Return whether a search should begin with the front instead of the whole pair."""
     front = state.progress[0].front
-    few = _FEWEST <= front <= state.progress[0].grown
+    few = _FEWEST <= front <= state.progress[0].largest_front
     return few and not has_leapt(tree_a, tree_b, state)
 
 
@@ -54,26 +54,26 @@ def has_front(tree_a, tree_b, state):
 def forget_front(tree_a, tree_b, state):
     """Begin with the whole pair; record its parts as a new front if the next search may use it."""
     progress = state.progress[0]
-    progress.front = progress.arcs_a = progress.arcs_b = progress.grown = 0
+    progress.front = progress.arcs_a = progress.arcs_b = progress.largest_front = 0
     near = remembers(state) and not has_leapt(tree_a, tree_b, state)
-    progress.parted = 0 if near else NONE
+    progress.recorded = 0 if near else NONE
 
 
 @inlined
 def keep_ring(state, a, b, angle, half, sector, n, e):
     """Add a pair that is too far along a direction to the next front, if one is recorded."""
-    if state.progress[0].parted != NONE:
+    if state.progress[0].recorded != NONE:
         _keep(state, a, b, angle, half, sector, n, e)
 
 
 @kernel
 def _keep(state, a, b, angle, half, sector, n, e):
     progress, front = state.progress[0], state.waiting.front
-    if progress.parted == FRONT:
-        progress.parted = NONE
+    if progress.recorded == FRONT:
+        progress.recorded = NONE
         return
-    ring = front[FRONT * (1 - progress.front_half) + progress.parted]
-    progress.parted += 1
+    ring = front[FRONT * (1 - progress.front_half) + progress.recorded]
+    progress.recorded += 1
     ring.bound, ring.a, ring.b, ring.angle, ring.half = progress.limit, a, b, angle, half
     ring.sector[0], ring.sector[1], ring.sector[2], ring.sector[3] = sector
     ring.way[0], ring.way[1], ring.way[2], ring.way[3] = n[0], n[1], e[0], e[1]
@@ -88,8 +88,8 @@ def end_front(state):
         sector = (ring.sector[0], ring.sector[1], ring.sector[2], ring.sector[3])
         n, e = (ring.way[0], ring.way[1]), (ring.way[2], ring.way[3])
         keep_ring(state, ring.a, ring.b, ring.angle, ring.half, sector, n, e)
-    if progress.parted == NONE:
+    if progress.recorded == NONE:
         return
-    if progress.grown == 0:
-        progress.grown = np.int64(_GROWN * progress.parted) + _BESIDES
-    progress.front, progress.front_half = progress.parted, 1 - progress.front_half
+    if progress.largest_front == 0:
+        progress.largest_front = np.int64(_GROWN * progress.recorded) + _BESIDES
+    progress.front, progress.front_half = progress.recorded, 1 - progress.front_half

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..base.jit import allocating_entry, inlined, kernel
 from ..base.memory import on_stack
-from .newton import turned
+from .newton import to_a
 from .profile import jet_of
 
 _MOST, _ENOUGH = 64, 24
@@ -66,7 +66,7 @@ def _seen_from_b(motion, x, y, z):
 @inlined
 def _seen_from_a(motion, at, rho, z):
     """Return where b's sample lies in a's frame, with b's half-plane at an angle."""
-    x, y, z = turned(motion, rho * at[0], rho * at[1], z)
+    x, y, z = to_a(motion, rho * at[0], rho * at[1], z)
     return x + motion[9], y + motion[10], z + motion[11]
 
 
@@ -119,7 +119,7 @@ def near_samples(samples_a, samples_b, motion):
     at = _between_axes(samples_a, samples_b, motion)
     a = b = 0
     for _ in range(_ROUNDS):
-        x1, y1, z1 = turned(motion, at[0], at[1], 0.0)
+        x1, y1, z1 = to_a(motion, at[0], at[1], 0.0)
         x1, y1, z1 = np.float32(x1), np.float32(y1), np.float32(z1)
         for j in range(4 * ((others + 3) // 4)):
             k = min(j, others - 1)

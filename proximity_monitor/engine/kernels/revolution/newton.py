@@ -35,7 +35,7 @@ _WIDEST = 0.7
 
 
 @inlined
-def turned(motion, x, y, z):
+def to_a(motion, x, y, z):
     """Turn a vector of b's frame into a's."""
     return (
         motion[0] * x + motion[1] * y + motion[2] * z,
@@ -57,18 +57,18 @@ def derivatives_at(curve_a, curve_b, motion, s, t, angle):
     (rho, height), (rho_s, z_s), second = jet_of(curve_a, s)
     (r, z), (r1, z1), (r2, z2) = jet_of(curve_b, t)
     cosine, sine = np.cos(angle), np.sin(angle)
-    x, y, h = turned(motion, r * cosine, r * sine, z)
+    x, y, h = to_a(motion, r * cosine, r * sine, z)
     x, y, h = x + motion[9], y + motion[10], h + motion[11]
     far = np.sqrt(x * x + y * y)
     ex, ey = 1.0, 0.0
     if far > 0.0:
         ex, ey = x / far, y / far
     inverse = 1.0 / far if far > 0.0 else 0.0
-    t0, t1, tz = turned(motion, r1 * cosine, r1 * sine, z1)
-    a0, a1, az = turned(motion, -r * sine, r * cosine, 0.0)
-    tt0, tt1, ttz = turned(motion, r2 * cosine, r2 * sine, z2)
-    ta0, ta1, taz = turned(motion, -r1 * sine, r1 * cosine, 0.0)
-    aa0, aa1, aaz = turned(motion, -r * cosine, -r * sine, 0.0)
+    t0, t1, tz = to_a(motion, r1 * cosine, r1 * sine, z1)
+    a0, a1, az = to_a(motion, -r * sine, r * cosine, 0.0)
+    tt0, tt1, ttz = to_a(motion, r2 * cosine, r2 * sine, z2)
+    ta0, ta1, taz = to_a(motion, -r1 * sine, r1 * cosine, 0.0)
+    aa0, aa1, aaz = to_a(motion, -r * cosine, -r * sine, 0.0)
     rho_t, rho_a = ex * t0 + ey * t1, ex * a0 + ey * a1
     across_t, across_a = ex * t1 - ey * t0, ex * a1 - ey * a0
     rho_tt = ex * tt0 + ey * tt1 + across_t * across_t * inverse

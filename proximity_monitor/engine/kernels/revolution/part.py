@@ -193,7 +193,7 @@ def separate(a, degree_a, b, degree_b):
 
 
 @kernel
-def parted(a, degree_a, b, degree_b, near):
+def separate_at_joint(a, degree_a, b, degree_b, near):
     """Return whether a line through the joint, where a ends and b begins, separates a from b.
 
     If there is such a line, there is one through a control point as well. Control points beyond the

@@ -19,7 +19,7 @@ from ..base.memory import on_stack
 from ..base.state import CELLS_FULL, CUT, ENDED
 from ..base.trees import NONE
 from .around import part_around
-from .bound import bends, facing, half_of, sector_of
+from .bound import facing, half_of, sags, sector_of
 from .bounded import MINIMUM_STEPS, fineness, gap_along, halves_of, part_off, prove
 from .front import begin_front, end_front, keep_ring
 from .heap import drop_ring
@@ -80,7 +80,7 @@ def _take_apart(tree_a, tree_b, state, motion):
         return steps
     # Halve what is farthest from straight: for straight chords at one angle the bounds are exact.
     short = _SHORT * (tree_a.scale[2] + tree_b.scale[2])
-    long_a, long_b, around = bends(arc_a, arc_b, sector, half, motion)
+    long_a, long_b, around = sags(arc_a, arc_b, sector, half, motion)
     of_a = of_b = np.int64(NONE)
     while max(long_a, long_b, around) > short:
         if around >= max(long_a, long_b):
@@ -99,7 +99,7 @@ def _take_apart(tree_a, tree_b, state, motion):
         bound = max(bound, _along_own(tree_a, tree_b, state, motion, a, b, angle, half, sector))
         if bound < progress.limit:
             progress.least_cells = min(progress.least_cells, bound)
-        progress.parted = NONE
+        progress.recorded = NONE
         return steps + MINIMUM_STEPS
     for k in range(2):
         next_a, next_b, next_angle, next_half, next_sector = a, b, angle, half, sector

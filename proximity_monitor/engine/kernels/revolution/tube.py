@@ -131,7 +131,7 @@ def least_beside_tube(tree_a, tree_b, state, motion):
             least, p, q, looks = _beside_ring(tree_a, tree_b, motion, spare)
         else:
             back = on_stack(12, 0.0)
-            _turn_back(motion, back)
+            _invert(motion, back)
             least, q, p, looks = _beside_ring(tree_b, tree_a, back, spare)
         p, q = moved_back(motion, p), moved(motion, q)
     least -= progress.slack + progress.bound_slack
@@ -144,7 +144,7 @@ def least_beside_tube(tree_a, tree_b, state, motion):
 
 
 @kernel
-def _turn_back(motion, made):
+def _invert(motion, made):
     """Write the inverse of a motion (12,)."""
     for i in range(3):
         for j in range(3):

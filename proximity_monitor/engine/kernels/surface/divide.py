@@ -96,9 +96,9 @@ def divide_nearest(tree_a, tree_b, state):
     pairs = cells.pairs
     at = 0
     if is_narrow(progress, pairs):
-        if progress.lasts >= PATIENCE:
+        if progress.narrow_divisions >= PATIENCE:
             return NONE
-        progress.lasts += 1
+        progress.narrow_divisions += 1
         at = progress.dividing - 1
     a, b, bound = np.int64(pairs[at].a), np.int64(pairs[at].b), pairs[at].bound
     normal = vector(pairs[at].normal)

@@ -33,11 +33,15 @@ def is_narrow(progress, pairs):
 @inlined
 def look_back(progress):
     """End patience if pairs end so slowly that some will be left after all turns."""
-    if progress.lasts < progress.review:
+    if progress.narrow_divisions < progress.next_check:
         return
-    if progress.crowd > 0 and (progress.crowd - progress.dividing) * _TURNS < progress.dividing:
-        progress.lasts = PATIENCE
-    progress.crowd, progress.review = progress.dividing, progress.lasts + _TURN
+    if (
+        progress.dividing_before > 0
+        and (progress.dividing_before - progress.dividing) * _TURNS < progress.dividing
+    ):
+        progress.narrow_divisions = PATIENCE
+    progress.dividing_before = progress.dividing
+    progress.next_check = progress.narrow_divisions + _TURN
 
 
 @kernel
@@ -61,7 +65,7 @@ def make_room(state):
     used = _share(progress.cells_a, waiting.cells_a), _share(progress.cells_b, waiting.cells_b)
     progress.narrow = 1 if max(used[0], used[1]) > _SHORT else 0
     fits = max(max(used[0], used[1]), _share(count + aside, pairs)) <= _FULL
-    return fits and progress.lasts < PATIENCE
+    return fits and progress.narrow_divisions < PATIENCE
 
 
 @inlined
