@@ -54,7 +54,7 @@ SHARED = {
     "inside.angles.surely_outside", "inside.ball._begin_cells", "inside.ball._end_cell",
     "inside.ball._plane_of_alike", "inside.ball._go_on", "inside.ball_caps._one_way",
     "inside.ball_caps._by_volumes", "inside.ball_caps.plane", "inside.ball_frame.common_box",
-    "inside.ball_point.sound_some", "inside.ball_rows.bound_of", "inside.ball_tangents.tangent",
+    "inside.ball_point.continue_depth", "inside.ball_rows.bound_of", "inside.ball_tangents.tangent",
     "inside.contain.part_inside",
 }  # fmt: skip
 """They are compiled into others' code, and loaded only where they were compiled just now."""

@@ -22,10 +22,10 @@ from ..base.state import CUT, ENDED
 from ..base.trees import MeshTree, RevolutionTree, SurfaceTree
 from .ball_bowls import bowls
 from .ball_caps import plane
-from .ball_cells import halve, limit_of, pop, push
+from .ball_cells import halve, pop, push, radius_limit
 from .ball_frame import axis_of, common_box, in_a_frame, take_axes
 from .ball_newton import begin_newton, seed_between
-from .ball_point import certain_depth, possible_depth, sound, sound_some
+from .ball_point import certain_depth, continue_depth, measure_depth, possible_depth
 from .ball_rows import bound_of
 from .ball_state import CELL_CENTRE, CLIMB, FULL, IDLE, NEWTON, OF_CELLS, SEED, ball_at
 from .ball_tangents import tangent
@@ -62,7 +62,7 @@ def _plane(
     """
 
 
-def _sound_trial(tree_a, tree_b, region_a, region_b, k, state, steps):
+def _continue_depth(tree_a, tree_b, region_a, region_b, k, state, steps):
     """Continue to find the trial point's depth in solid k; return the steps left. A stub."""
 
 
@@ -75,7 +75,7 @@ def _plane_of_alike(
     tree_a, tree_b, region_a, region_b, k, behind, point, centre, half, spare, state, row
 ):  # fmt: skip
     at = state.at[0]
-    limit, steps = limit_of(at), 0
+    limit, steps = radius_limit(at), 0
     if k == 0:
         tree, region = tree_a, region_a
     else:
@@ -96,7 +96,7 @@ def _plane_of_alike(
             return False, steps
         _go_behind(point, k, back, state)
         point = state.probe[0]
-        steps += sound(tree, region, motion, k, at, point, state.stack, state.reached)
+        steps += measure_depth(tree, region, motion, k, at, point, state.stack, state.reached)
     found, cost = plane(
         tree, region, motion, k, at, point, centre, half, spare, most, row, state.stack
     )
@@ -117,22 +117,22 @@ def _plane_of_unlike(
 
 
 @inlined
-def _sound_alike(tree_a, tree_b, region_a, region_b, k, state, steps):
+def _continue_depth_alike(tree_a, tree_b, region_a, region_b, k, state, steps):
     if k == 0:
         tree, region = tree_a, region_a
     else:
         tree, region = tree_b, region_b
-    return sound_some(
+    return continue_depth(
         tree, region, state.motions[k], k, state.at[0], state.trial[0], state.stack,
         state.reached, steps,
     )  # fmt: skip
 
 
 @inlined
-def _sound_unlike(tree_a, tree_b, region_a, region_b, k, state, steps):
+def _continue_depth_unlike(tree_a, tree_b, region_a, region_b, k, state, steps):
     if k == 0:
-        return _sound_alike(tree_a, tree_a, region_a, region_a, k, state, steps)
-    return _sound_alike(tree_b, tree_b, region_b, region_b, k, state, steps)
+        return _continue_depth_alike(tree_a, tree_a, region_a, region_a, k, state, steps)
+    return _continue_depth_alike(tree_b, tree_b, region_b, region_b, k, state, steps)
 
 
 @inlined
@@ -150,11 +150,11 @@ def _tangent_unlike(tree_a, tree_b, k, state, centre, half, row):
 
 for _kind in (MeshTree, SurfaceTree, RevolutionTree):
     implements(_plane, _kind, _kind)(_plane_of_alike)
-    implements(_sound_trial, _kind, _kind)(_sound_alike)
+    implements(_continue_depth, _kind, _kind)(_continue_depth_alike)
     implements(_tangent, _kind, _kind)(_tangent_alike)
 for _kind in (SurfaceTree, RevolutionTree):
     implements(_plane, _kind, MeshTree)(_plane_of_unlike)
-    implements(_sound_trial, _kind, MeshTree)(_sound_unlike)
+    implements(_continue_depth, _kind, MeshTree)(_continue_depth_unlike)
     implements(_tangent, _kind, MeshTree)(_tangent_unlike)
 
 
@@ -184,7 +184,7 @@ def _begin_cells(tree_a, tree_b, region_a, region_b, state):
                 steps += cost
     used, mean = on_stack(2, np.int64(0)), on_stack(4, 0.0)
     bound = bound_of(
-        cell.rows, cell.count, cell.centre, cell.half, limit_of(at), at.slack, mean, used
+        cell.rows, cell.count, cell.centre, cell.half, radius_limit(at), at.slack, mean, used
     )
     push(state, 0, min(bound, at.ceiling))
     return steps
@@ -211,7 +211,7 @@ def _compare_with_middle(tree_a, tree_b, region_a, region_b, state):
     If the models overlap a little, an ascent from a ball at the region's rim takes small steps.
     """
     at, best = state.at[0], state.best[0]
-    at.trusted = 0.0
+    at.large_enough = 0.0
     take_axes(at.axes, axis_of(best))
     centre, half = on_stack(3, 0.0), on_stack(3, 0.0)
     if common_box(tree_a, tree_b, region_a, region_b, state, centre, half):
@@ -242,9 +242,9 @@ def _end_cell(tree_a, tree_b, region_a, region_b, state):
     if keep(state):
         ascend(state)
     else:
-        seed_between(state, limit_of(at))
+        seed_between(state, radius_limit(at))
     shallow = 0 if depths[0] <= depths[1] else 1
-    limit = limit_of(at)
+    limit = radius_limit(at)
     if bound <= limit:
         at.dropped = max(at.dropped, bound)
         return steps
@@ -306,7 +306,7 @@ def _go_on(tree_a, tree_b, region_a, region_b, state, steps):
             return steps
         k = first if at.turn == 0 else 1 - first
         given = min(steps, at.patience)
-        used = given - _sound_trial(tree_a, tree_b, region_a, region_b, k, state, given)
+        used = given - _continue_depth(tree_a, tree_b, region_a, region_b, k, state, given)
         steps -= used
         at.patience -= used
         if at.height > 0:
@@ -316,7 +316,7 @@ def _go_on(tree_a, tree_b, region_a, region_b, state, steps):
         at.turn += 1
         if at.task == CELL_CENTRE and at.turn == 1:
             bound = min(state.bounds[0], _depth_in_cell(region_a, region_b, k, state))
-            if bound <= limit_of(at):
+            if bound <= radius_limit(at):
                 pop(state)
                 at.cells += 1
                 at.dropped = max(at.dropped, bound)
@@ -364,7 +364,7 @@ def search_ball(solids, memory, seeds_alone, steps):
         if at.task != IDLE:
             steps = _go_on(tree_a, tree_b, region_a, region_b, state, steps)
         elif at.climbs > 0 and not seeds_alone:
-            if at.radius < at.trusted and at.ceiling > limit_of(at):
+            if at.radius < at.large_enough and at.ceiling > radius_limit(at):
                 _compare_with_middle(tree_a, tree_b, region_a, region_b, state)
             elif not (at.newtons > 0 and begin_newton(tree_a, tree_b, state)):
                 begin_climb(state)
@@ -376,7 +376,7 @@ def search_ball(solids, memory, seeds_alone, steps):
                 at.patience = _MIDDLE_STEPS
         elif seeds_alone:
             return ENDED
-        elif not at.begun and at.radius > 0.0 and at.ceiling <= limit_of(at):
+        elif not at.begun and at.radius > 0.0 and at.ceiling <= radius_limit(at):
             return ENDED  # the cells can no longer improve the answer beyond the tolerance
         elif not at.begun or (at.radius > 0.0 and not at.framed):
             at.begun = True
@@ -384,7 +384,7 @@ def search_ball(solids, memory, seeds_alone, steps):
                 take_axes(at.axes, axis_of(state.best[0]))
                 at.framed = True
             steps -= _begin_cells(tree_a, tree_b, region_a, region_b, state)
-        elif at.size == 0 or state.bounds[0] <= limit_of(at):
+        elif at.size == 0 or state.bounds[0] <= radius_limit(at):
             return ENDED
         elif at.size + 1 >= state.order.shape[0]:
             return FULL

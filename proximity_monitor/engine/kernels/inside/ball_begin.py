@@ -22,7 +22,7 @@ _TELLING = 1e-6
 above 0 by this much: near a hole no plane bounds a depth, and the winding number never decides the
 side of every point."""
 
-_TRUSTED = 0.5
+_LARGE_ENOUGH = 0.5
 """Share of the last ball's radius. If the last centre is now the centre of a ball this large, it is
 a good start. If not, it may be far from the largest ball, because the bodies slid along each other.
 """
@@ -47,7 +47,7 @@ def begin_ball(solids, memory, pose_a, pose_b, rel_err, abs_err):
     state = ball_at(OF_CELLS, memory)
     at, motions, best = state.at[0], state.motions, state.best[0]
     last = at.radius > 0.0
-    at.trusted = _TRUSTED * at.radius if last else np.inf
+    at.large_enough = _LARGE_ENOUGH * at.radius if last else np.inf
     b_to_a = on_stack(12, 0.0)
     relative_motions(pose_a, pose_b, b_to_a, motions[1])
     for i in range(12):

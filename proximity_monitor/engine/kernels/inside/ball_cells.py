@@ -14,11 +14,11 @@ _OVERLAP = 2.0**-51
 
 
 _LEFT = 0.25
-"""Share of the tolerance that must be left after the gaps between elements, see `limit_of`."""
+"""Share of the tolerance that must be left after the gaps between elements, see `radius_limit`."""
 
 
 @kernel
-def limit_of(at):
+def radius_limit(at):
     """Return the radius, metres, up to which a larger ball does not matter beside the one found."""
     radius = at.radius
     if radius == 0.0 and at.floor > 0.0:
@@ -39,7 +39,7 @@ def limit_of(at):
 def push(state, slot, bound):
     """Push the cell in a free slot onto the heap, or drop it if its bound is within the limit."""
     at, bounds, order = state.at[0], state.bounds, state.order
-    if bound <= limit_of(at):
+    if bound <= radius_limit(at):
         at.dropped = max(at.dropped, bound)
         return
     i = at.size
@@ -114,7 +114,7 @@ def halve(state, parent, rows, count, mean, used, bound):
         if n < ROWS and i != used[0] and i != used[1]:
             _keep_row(kept, n, rows[i])
             n += 1
-    limit = limit_of(at)
+    limit = radius_limit(at)
     pair, row = on_stack(2, np.int64(0)), on_stack(4, 0.0)
     for which in range(2):
         # The second half overwrites the parent's own slot.

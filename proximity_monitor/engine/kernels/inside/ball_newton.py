@@ -19,7 +19,7 @@ from ..base.jit import implements, inlined, kernel, shared
 from ..base.trees import MeshTree, RevolutionTree, SurfaceTree
 from ..base.vectors import along, cross, dot, moved, rotated, scaled, sub, unit
 from .ball_begin import add_seed
-from .ball_cells import limit_of
+from .ball_cells import radius_limit
 from .ball_point import place_of
 from .ball_state import NEWTON, NONE
 from .ball_trial import try_point
@@ -147,7 +147,7 @@ def _begin(tree_a, tree_b, state):
     sound_b, d_b, g_b, bend_b = foot_bend(tree_b, state.motions[1], 1, best, n, e, f)
     h, g1, g2 = _over(d, g, bend)
     h_b, g1_b, g2_b = _over(d_b, g_b, bend_b)
-    gap, worth = h - h_b, _WORTH * (limit_of(at) - at.radius)
+    gap, worth = h - h_b, _WORTH * (radius_limit(at) - at.radius)
     if not (sound and sound_b and gap > 0.0):
         at.newtons = 0
         return False

@@ -27,7 +27,7 @@ def place_of(point):
 
 
 @shared
-def sound_some(tree, region, motion, k, at, point, stack, reached, steps):
+def continue_depth(tree, region, motion, k, at, point, stack, reached, steps):
     """Continue to find the depth of a point in solid k; return the steps left.
 
     On entry `point` holds its place; its side, or 0 if unknown; `clear`; and an element that may be
@@ -69,10 +69,10 @@ def sound_some(tree, region, motion, k, at, point, stack, reached, steps):
 
 
 @kernel
-def sound(tree, region, motion, k, at, point, stack, reached):
-    """Do the same as `sound_some` to the end; return the steps used."""
+def measure_depth(tree, region, motion, k, at, point, stack, reached):
+    """Do the same as `continue_depth` to the end; return the steps used."""
     most = np.int64(TO_THE_END)  # int64, as elsewhere: no second version is compiled
-    return most - sound_some(tree, region, motion, k, at, point, stack, reached, most)
+    return most - continue_depth(tree, region, motion, k, at, point, stack, reached, most)
 
 
 @kernel

@@ -72,7 +72,7 @@ SEARCH = np.dtype(
         ("abs_err", np.float64),  # metres, of a radius
         ("dropped", np.float64),  # metres: the largest bound of a pruned cell
         ("ceiling", np.float64),  # metres: no radius exceeds it
-        ("trusted", np.float64),  # metres: a ball this large is improved without trying the middle
+        ("large_enough", np.float64),  # metres: then a ball is improved without trying the middle
         ("reach", np.float64),  # metres: maximum length of the ascent's next step
         ("axes", np.float64, (3, 3)),  # of the search's frame, in a's
         ("swept", np.float64, (2,)),  # metres: the cores' swept radii

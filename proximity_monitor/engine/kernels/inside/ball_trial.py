@@ -10,7 +10,7 @@ import numpy as np
 from ..base.jit import kernel
 from ..base.memory import on_stack
 from ..base.vectors import norm, sub
-from .ball_cells import limit_of
+from .ball_cells import radius_limit
 from .ball_point import certain_radius, place_of
 from .ball_state import CLIMB
 from .visit import TO_THE_END
@@ -93,7 +93,7 @@ def begin_climb(state):
             whole = np.sqrt(max(left, 0.0) / (2.0 * (1.0 + c)))
         p, q = part + whole, whole - part
         gain = first + p + q * c - min(first, second)
-    if not gain > 0.02 * (limit_of(at) - at.radius):
+    if not gain > 0.02 * (radius_limit(at) - at.radius):
         at.climbs = 0
         return
     move = 0.0
@@ -112,7 +112,7 @@ def begin_climb(state):
 def end_climb(state):
     """Keep the end of an ascent's step if it is better, and adapt the length of the next step."""
     at = state.at[0]
-    before, tolerated = at.radius, limit_of(at) - at.radius
+    before, tolerated = at.radius, radius_limit(at) - at.radius
     if keep(state):
         at.newtons, at.trust = max(at.newtons, _AGAIN), np.inf
         at.reach = min(2.0 * at.reach, _FARTHEST * at.radius)
@@ -128,7 +128,7 @@ def end_newton(state):
     """Keep the end of Newton's step if it is better; otherwise shorten the next step."""
     at, best, trial = state.at[0], state.best[0], state.trial[0]
     way = sub(place_of(trial), place_of(best))
-    before, tolerated = at.radius, limit_of(at) - at.radius
+    before, tolerated = at.radius, radius_limit(at) - at.radius
     if keep(state):
         at.reach, at.trust = 0.95 * at.radius, np.inf
         if at.radius - before < 0.01 * tolerated:

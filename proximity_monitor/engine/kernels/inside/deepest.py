@@ -34,10 +34,10 @@ from ..tree.layout import (
     read_vector,
 )
 from .ball_caps import plane
-from .ball_cells import limit_of, pop
+from .ball_cells import pop, radius_limit
 from .ball_feet import write_foot, write_point, write_surface
 from .ball_frame import take_axes
-from .ball_point import certain_radius, place_of, possible_depth, sound_some
+from .ball_point import certain_radius, continue_depth, place_of, possible_depth
 from .ball_state import CELL_CENTRE, FULL, IDLE, OF_PIECES, ball_at
 from .feet import facet_of
 from .nearest import point_triangle
@@ -50,7 +50,7 @@ from .pieces import (
     element_of,
     forget,
     has_room,
-    is_left,
+    is_within_trim,
     margin_of,
     memory_of,
     push_elements,
@@ -174,8 +174,8 @@ def _bound(tree, region, state, centre, half, row):
     The cuboid is in the search's frame.
     """
     at, trial = state.at[0], state.trial[0]
-    tolerated = limit_of(at) - at.radius
-    most = max(limit_of(at) - trial.depth[0], 2.0 * _SPARE * tolerated)
+    tolerated = radius_limit(at) - at.radius
+    most = max(radius_limit(at) - trial.depth[0], 2.0 * _SPARE * tolerated)
     return plane(
         tree, region, state.motions[0], 0, at, trial, centre, half, _SPARE * tolerated, most, row,
         state.stack,
@@ -208,7 +208,7 @@ def _end_lane(tree, region, surface, parts, state, lane, bound):
     centre, radius = sphere_of(surface, lane)
     steps = 0
     bound = min(bound, possible_depth(trial, 0, region.inside, at.swept[0], radius, at.slack))
-    if bound > limit_of(at):
+    if bound > radius_limit(at):
         base = uint64(lane // WIDTH * STRIDE + lane % WIDTH)
         axes, scale = at.axes, surface.scale[0]
         u, v = read_vector(surface.nodes, base + U_X), read_vector(surface.nodes, base + V_X)
@@ -227,7 +227,7 @@ def _end_lane(tree, region, surface, parts, state, lane, bound):
             for i in range(3):
                 high += abs(row[i]) * half[i] - row[i] * around[i]
             bound = min(bound, high)
-    if bound <= limit_of(at):
+    if bound <= radius_limit(at):
         at.dropped = max(at.dropped, bound)
         return steps
     near, child = trial.near[0], surface.children[lane]
@@ -269,7 +269,7 @@ def _end_piece(tree, region, surface, parts, state, piece, bound):
         square = max(square, dot(way, way))
     radius = np.sqrt(square) * (1.0 + 1e-12) + margin
     bound = min(bound, possible_depth(trial, 0, region.inside, at.swept[0], radius, at.slack))
-    limit = limit_of(at)
+    limit = radius_limit(at)
     if bound > limit:
         bound = min(bound, _beside_facet(tree, surface, parts, state, piece, margin))
     if bound > limit:
@@ -314,19 +314,19 @@ def search_deepest(models, memory, steps):
         if steps <= 0:
             return CUT
         if at.task == IDLE:
-            if at.size == 0 or state.bounds[0] <= limit_of(at):
+            if at.size == 0 or state.bounds[0] <= radius_limit(at):
                 return ENDED
             if at.size + WIDTH >= state.order.shape[0] or not has_room(surface, parts, at):
                 return FULL
             _begin(surface, parts, state)
-        steps = sound_some(
+        steps = continue_depth(
             tree, region, state.motions[0], 0, at, state.trial[0], state.stack, state.reached,
             steps,
         )  # fmt: skip
         if at.height > 0:
             return CUT
         piece = state.cells[state.order[0]]
-        if piece.lane < 0 and is_left(surface, parts, piece, state.trial[0].weights):
+        if piece.lane < 0 and is_within_trim(surface, parts, piece, state.trial[0].weights):
             _keep(surface, parts, state)
         if at.turn > 0:
             at.turn -= 1

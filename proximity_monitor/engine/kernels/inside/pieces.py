@@ -75,7 +75,7 @@ def spot_of(surface, parts, piece, corner):
     """
 
 
-def is_left(surface, parts, piece, weights):
+def is_within_trim(surface, parts, piece, weights):
     """Return whether the piece's point with these weights surely is on the surface. A stub."""
 
 
@@ -192,7 +192,7 @@ def _spot(surface, parts, piece, corner):
     return scaled(together, 1.0 / 3.0), unknown
 
 
-@implements(is_left, MeshTree)
+@implements(is_within_trim, MeshTree)
 @inlined
 def _whole(surface, parts, piece, weights):
     return True

@@ -18,8 +18,8 @@ from ..surface.sides import (
     divide_side,
     element_of,
     facing,
-    is_left,
     is_long_in,
+    is_within_trim,
     least_of,
     margin_of,
     normal_of,
@@ -90,9 +90,9 @@ def _begin_on(tree, element):
     return np.int64(element), (1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0)
 
 
-@implements(is_left, MeshTree)
+@implements(is_within_trim, MeshTree)
 @inlined
-def _is_left(tree, element, weights):
+def _is_within_trim(tree, element, weights):
     return True
 
 

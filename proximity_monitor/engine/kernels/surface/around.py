@@ -19,7 +19,7 @@ from ..inside import visit
 from ..inside.nearest import point_gaps
 from .edges import point_on
 from .facing import closest_in, vector
-from .sides import is_left
+from .sides import is_within_trim
 
 Around = namedtuple("Around", "place slack")
 """The query; the answer is (distance, piece, u, v)."""
@@ -57,6 +57,6 @@ def _meet(query, tree, t, answer):
     u, v = 0.5 + 0.5 * u, (0.5 + 0.5 * v if piece.degree_v > 0 else 0.0)
     way = sub(point_on(tree, t, u, v), query.place)
     distance = np.sqrt(dot(way, way))
-    if distance < answer[0] and is_left(tree, t, (u, v, 0.0)):
+    if distance < answer[0] and is_within_trim(tree, t, (u, v, 0.0)):
         return distance, np.int64(t), u, v
     return answer

@@ -48,7 +48,7 @@ from .parts import (
     side_of_part,
     take_whole,
 )
-from .sides import is_left
+from .sides import is_within_trim
 from .square import is_beyond
 from .trim import CROSSING, OUTSIDE
 
@@ -177,7 +177,7 @@ def _improved(query, tree, t, answer, limits, at, u, v):
         tree.pieces[t], tree.nets, limits, query.place, at, u, v, distance,
         query.share, _spared(query, cost), query.slack,
     )  # fmt: skip
-    if found < distance and is_left(tree, t, (u, v, 0.0)):
+    if found < distance and is_within_trim(tree, t, (u, v, 0.0)):
         distance, nearest, best_u, best_v = found, np.int64(t), u, v
     return bound, u, v, at, in_u, (distance, nearest, best_u, best_v, least, cost + 1)
 

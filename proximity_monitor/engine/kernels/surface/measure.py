@@ -7,7 +7,7 @@ import numpy as np
 from ..base.jit import kernel
 from ..elements.primitives import keep
 from .newton import nearest_near
-from .sides import is_left
+from .sides import is_within_trim
 
 MINIMUM_STEPS = 40
 """A search for a local minimum takes as long as this many steps."""
@@ -30,7 +30,7 @@ def measure_near(tree_a, tree_b, state, element_a, from_a, element_b, from_b, mo
             tree_a, tree_b, element_a, element_b, from_a, from_b, state.motions[0], most,
             _MEET * progress.slack,
         )  # fmt: skip
-        if is_left(tree_a, element_a, at_a) and is_left(tree_b, element_b, at_b):
+        if is_within_trim(tree_a, element_a, at_a) and is_within_trim(tree_b, element_b, at_b):
             break
         if most == 0:
             return np.inf

@@ -17,7 +17,7 @@ from ..tree.layout import first_of
 from .cells import directions_of, divide_cell, net_of, root_cell
 from .edges import place_on, point_on
 from .facing import vector
-from .sides import is_left
+from .sides import is_within_trim
 from .trim import OUTSIDE
 
 Parts = namedtuple("Parts", "cells nets roots")
@@ -126,10 +126,10 @@ def _spot(surface, parts, piece, corner):
     return point_on(surface, cell.element, u, v), (u, v, 0.0)
 
 
-@implements(pieces.is_left, SurfaceTree)
+@implements(pieces.is_within_trim, SurfaceTree)
 @inlined
-def _is_left(surface, parts, piece, weights):
-    return is_left(surface, parts.cells[piece.part].element, vector(weights))
+def _is_within_trim(surface, parts, piece, weights):
+    return is_within_trim(surface, parts.cells[piece.part].element, vector(weights))
 
 
 @implements(pieces.element_of, SurfaceTree)

@@ -9,7 +9,7 @@ from ..base.memory import on_stack
 from ..base.tables import tree_at
 from ..base.trees import CONVERSION, NONE, SurfaceTree
 from .edges import point_on, rectangle_of
-from .sides import is_left
+from .sides import is_within_trim
 
 _ROWS = 4
 """Coordinates of a control point."""
@@ -38,7 +38,7 @@ def describe_parts(model, elements, low, high, rectangles, points, boxes):
         piece = tree.pieces[element]
         middle = 0.5 * (low[k, 0] + high[k, 0]), 0.5 * (low[k, 1] + high[k, 1]), 0.0
         points[k, 0] = points[k, 1] = points[k, 2] = np.nan
-        if is_left(tree, element, middle):
+        if is_within_trim(tree, element, middle):
             x, y, z = point_on(tree, element, middle[0], middle[1])
             points[k, 0], points[k, 1], points[k, 2] = x, y, z
         own = rectangles[k]

@@ -76,7 +76,7 @@ def begin_on(tree, element):
     """
 
 
-def is_left(tree, element, weights):
+def is_within_trim(tree, element, weights):
     """Tell whether a point of an element surely belongs to the model, uncut by loops: a stub."""
 
 
@@ -178,9 +178,9 @@ def _begin(tree, element):
     return np.int64(element), (0.5, 0.5 if piece.degree_v > 0 else 0.0, 0.0)
 
 
-@implements(is_left, SurfaceTree)
+@implements(is_within_trim, SurfaceTree)
 @kernel
-def _is_left(tree, element, weights):
+def _is_within_trim(tree, element, weights):
     piece = tree.pieces[element]
     if piece.side == INSIDE:
         return True
