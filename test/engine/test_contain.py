@@ -11,7 +11,7 @@ from engine_bodies import box, from_trimesh, pose, sphere, torus
 
 from proximity_monitor import engine
 from proximity_monitor.engine.assembly import assembly
-from proximity_monitor.engine.assembly.asked import Asked
+from proximity_monitor.engine.assembly.query import Query
 from proximity_monitor.engine.kernels.base import state as index
 
 OUT_OF_TIME = tuple(engine.Status).index(engine.Status.OUT_OF_TIME)
@@ -47,8 +47,8 @@ def rows(poses, clearance=np.inf, budget_s=None, threads=1):
     wanted = np.tile([0.0, 0.0, clearance], (count, 1))
     hints = np.full((count, 2), -1, np.int32)
     signed = np.ones(count, np.bool_)
-    asked = Asked(poses, PAIRS, wanted, hints, signed)
-    return engine.Assembly(MODELS).rows(asked, budget_s, threads)
+    query = Query(poses, PAIRS, wanted, hints, signed)
+    return engine.Assembly(MODELS).rows(query, budget_s, threads)
 
 
 @pytest.mark.long
@@ -135,8 +135,8 @@ def test_walls_that_solids_share_count_from_both_sides():
         poses[1, :3, 3] = place = rng.uniform((-1.0, -0.7, -0.7), (3.0, 0.7, 0.7))
         within = bool((np.abs(place - (1.0, 0.0, 0.0)) < (1.5, 0.5, 0.5)).all())
         inside += within
-        asked = Asked(poses, pairs, wanted, hints, np.ones(1, np.bool_))
-        found = bodies.rows(asked, None, 1)
+        query = Query(poses, pairs, wanted, hints, np.ones(1, np.bool_))
+        found = bodies.rows(query, None, 1)
         assert (found[0, index.LOWER] > 0.0) is not within
         signed = engine.signed_distance(block, poses[0], probe, poses[1])
         assert (signed.upper < 0.0) is within and (signed.lower > 0.0) is not within

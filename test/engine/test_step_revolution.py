@@ -200,7 +200,7 @@ def test_any_other_part_stays_a_surface_of_patches(name, tmp_path):
 def test_what_is_off_by_less_than_the_tolerance_counts():
     """A face is moved; the distance found is that, and a part off by more is no such solid."""
     faces = read_shape(revolved(SHAFT), "shaft").faces
-    assert find_revolution(faces).apart < 1e-12
+    assert find_revolution(faces).deviation < 1e-12
     for i, face in enumerate(faces):
         for direction in np.eye(3):
             for off in (0.3e-7, 4e-7):
@@ -211,7 +211,7 @@ def test_what_is_off_by_less_than_the_tolerance_counts():
                 if off > face.tolerance:
                     assert found is None
                 else:
-                    assert 0.49 * off <= found.apart <= 2.5 * off
+                    assert 0.49 * off <= found.deviation <= 2.5 * off
 
 
 def test_faces_that_look_to_unlike_sides_bound_nothing():

@@ -26,8 +26,8 @@ from ..questions.run import Search, check_models
 from ..questions.sharing import share
 from ..questions.slices import Run, Settle, answer_in_slices, deadline_of
 from .answers import no_answers
-from .asked import Asked, checked_pairs, checked_tolerances
 from .long_searches import BEGIN_FIRST_S, END_S, LongSearches, Single
+from .query import Query, checked_pairs, checked_tolerances
 from .runs import Runs
 
 _NO_HINTS = np.empty((0, 2), np.int32)
@@ -57,7 +57,9 @@ class Assembly:
         self._deepest = max(self._shapes, key=lambda model: model._hierarchy.depth)
         self._searches: list[Search] = []
         self._insides: Insides | MixedInsides | None = None
-        self._cut: dict[Hashable, Search] = {}  # searches that were cut, by their question
+        self._cut: dict[
+            Hashable, Search
+        ] = {}  # searches that were cut, by the keys of their queries
         self._depths = LongSearches(coherent=False)
 
     def __reduce__(self) -> tuple[type[Assembly], tuple[Any, ...]]:
@@ -141,40 +143,40 @@ class Assembly:
             hints = as_integers(hints, "hints", 2)
             if len(hints) != k:
                 raise ValueError(f"hints: shape {hints.shape}, expected ({k}, 2)")
-        asked = Asked(poses, chosen, wanted, hints, of_solids)
+        query = Query(poses, chosen, wanted, hints, of_solids)
         if not signed:
-            return Distances(self.rows(asked, deadline, threads))
-        return Distances(self._signed_rows(asked, depth_err, deadline, threads))
+            return Distances(self.rows(query, deadline, threads))
+        return Distances(self._signed_rows(query, depth_err, deadline, threads))
 
-    def rows(self, asked: Asked, deadline: float | None, threads: int) -> NDArray[np.float64]:
+    def rows(self, query: Query, deadline: float | None, threads: int) -> NDArray[np.float64]:
         """Do as `distances`, without checks; return rows (k, ANSWER) as the kernel writes them.
 
         A pair that is not searched has NaN as status. The deadline is a time of `perf_counter`.
         """
-        count = len(asked.pairs)
+        count = len(query.pairs)
         threads = max(1, min(threads, count))
         self._tabulate(threads)
         if (entry := self._runs.only) is not None:
             runs = [[(entry, first, count)] for first in range(threads)]
-            return self._answer(asked, runs, deadline, threads)
-        order, runs = self._runs.plan(asked.pairs, threads, self._begun(asked))
+            return self._answer(query, runs, deadline, threads)
+        order, runs = self._runs.plan(query.pairs, threads, self._begun(query))
         found = np.empty((count, index.ANSWER))
-        found[order] = self._answer(asked.part(order), runs, deadline, threads)
+        found[order] = self._answer(query.part(order), runs, deadline, threads)
         return found
 
     def _answer(
-        self, asked: Asked, runs: list[list[Run]], deadline: float | None, threads: int
+        self, query: Query, runs: list[list[Run]], deadline: float | None, threads: int
     ) -> NDArray[np.float64]:
         """Do as `rows`, given the runs of each thread."""
-        poses, pairs, wanted, hints, signed = asked
+        poses, pairs, wanted, hints, signed = query
         count = len(pairs)
         queries = np.empty(2 + count * QUERY_NUMBERS, np.int64)
         answers = np.empty((count, index.ANSWER))
         known = _NO_HINTS if hints is None else hints
         solids = begin_questions(pairs, wanted, known, signed, queries, answers)
         table = queries[:2].reshape(1, 2)
-        searches = self._allot(threads, asked)
-        settle = self._settle_signs(asked, solids, answers, threads)
+        searches = self._allot(threads, query)
+        settle = self._settle_signs(query, solids, answers, threads)
 
         def answer(first: int, stopped: Event | None) -> None:
             search, fresh = searches[first]
@@ -186,7 +188,7 @@ class Assembly:
                 body = int(pairs[at, code - index.BAD_POSE_A])
                 check_pose(poses[body], self._pose_name(body))
             if code == index.CUT:
-                self._cut[self._question(asked, at)] = search
+                self._cut[self._key(query, at)] = search
 
         if threads == 1:
             answer(0, None)
@@ -195,13 +197,13 @@ class Assembly:
         return answers
 
     def _signed_rows(
-        self, asked: Asked, depth_err: float, deadline: float | None, threads: int
+        self, query: Query, depth_err: float, deadline: float | None, threads: int
     ) -> NDArray[np.float64]:
         """Do as `rows`, with the signed distances of bodies that may overlap, if time allows."""
-        poses, pairs, wanted, _, signed = asked
+        poses, pairs, wanted, _, signed = query
 
-        def question(k: int) -> Hashable:
-            return self._question(asked, k), depth_err
+        def key(k: int) -> Hashable:
+            return self._key(query, k), depth_err
 
         def unmoved(known: Any) -> bool:
             a, b, at_a, at_b = known[0][:4]
@@ -210,7 +212,7 @@ class Assembly:
         def single(k: int) -> Single:
             models = tuple(self.models[body] for body in pairs[k].tolist())
             known = None if math.isnan(answers[k, index.STATUS]) else answers[k].copy()
-            return Single(question(k), models, poses[pairs[k]], wanted[k], True, known)
+            return Single(key(k), models, poses[pairs[k]], wanted[k], True, known)
 
         def depths(chosen: Sequence[int] | NDArray[np.int64]) -> None:
             found = self._depths.search(
@@ -220,7 +222,7 @@ class Assembly:
             answers[np.asarray(chosen)[reached]] = found[reached]
 
         end = math.inf if deadline is None else deadline
-        begun = self._depths.resumed(question, len(pairs), unmoved)
+        begun = self._depths.resumed(key, len(pairs), unmoved)
         if begun:
             answers = no_answers(len(pairs))
             answers[signed, index.LOWER] = -np.inf
@@ -234,9 +236,9 @@ class Assembly:
         if begun:
             rest = np.ones(len(pairs), np.bool_)
             rest[begun] = False
-            answers[rest] = self.rows(asked.part(rest), deadline, threads)
+            answers[rest] = self.rows(query.part(rest), deadline, threads)
         else:
-            answers = self.rows(asked, deadline, threads)
+            answers = self.rows(query, deadline, threads)
         in_time = perf_counter() + BEGIN_FIRST_S < end
         open_ = np.empty(len(answers) if in_time else min(len(answers), 1), np.bool_)
         count = signs_open(answers, wanted, open_)
@@ -245,7 +247,7 @@ class Assembly:
         if begun:
             open_[[k for k in begun if k < len(open_)]] = True
         if self._cut:  # a search of the surfaces that was cut must end before that of the depth
-            open_ &= [not (each and question(k)[0] in self._cut) for k, each in enumerate(open_)]
+            open_ &= [not (each and key(k)[0] in self._cut) for k, each in enumerate(open_)]
         open_[:1] &= 0 not in begun
         (chosen,) = open_.nonzero()
         if in_time and len(chosen):
@@ -271,59 +273,59 @@ class Assembly:
             both = (self._deepest,) * 2
             self._searches.append(Search(*both, coherent=False, among=self.models))
 
-    def _question(self, asked: Asked, k: int) -> Hashable:
+    def _key(self, query: Query, k: int) -> Hashable:
         """Return everything that the answer about a pair depends on, as a key."""
-        a, b = asked.pairs[k].tolist()
-        models, poses = self.models, asked.poses
+        a, b = query.pairs[k].tolist()
+        models, poses = self.models, query.poses
         return (
-            a, b, poses[a].tobytes(), poses[b].tobytes(), asked.wanted[k].tobytes(),
+            a, b, poses[a].tobytes(), poses[b].tobytes(), query.wanted[k].tobytes(),
             models[a].revision, models[b].revision,
         )  # fmt: skip
 
-    def _allot(self, threads: int, asked: Asked) -> list[tuple[Search, bool]]:
+    def _allot(self, threads: int, query: Query) -> list[tuple[Search, bool]]:
         """Return a search for each thread, and whether the search starts fresh.
 
-        A search that was cut continues if the thread's first question is the one it was cut in.
+        A search that was cut continues if the thread's first query is the one it was cut in.
         """
         free, cut = self._searches[:], self._cut
         self._cut = {}
         found = []
-        for k in range(min(threads, len(asked.pairs)) if cut else 0):
-            search = cut.get(self._question(asked, k))
+        for k in range(min(threads, len(query.pairs)) if cut else 0):
+            search = cut.get(self._key(query, k))
             found.append(search if search in free else None)
             if found[-1] is not None:
                 free.remove(search)
         found += [None] * (threads - len(found))
         return [(free.pop(), True) if search is None else (search, False) for search in found]
 
-    def _begun(self, asked: Asked) -> list[int]:
-        """Return the indices of the pairs in whose questions searches were cut."""
+    def _begun(self, query: Query) -> list[int]:
+        """Return the indices of the pairs in whose queries searches were cut."""
         found = []
-        for question in self._cut:
-            (same,) = np.nonzero((asked.pairs == question[:2]).all(axis=1))
-            found += [k for k in same if self._question(asked, k) == question]
+        for key in self._cut:
+            (same,) = np.nonzero((query.pairs == key[:2]).all(axis=1))
+            found += [k for k in same if self._key(query, k) == key]
         return found
 
     def _settle_signs(
-        self, asked: Asked, solids: int, answers: NDArray[np.float64], every: int
+        self, query: Query, solids: int, answers: NDArray[np.float64], stride: int
     ) -> Settle | None:
         """Return a function that turns a thread's answers into signed ones; None if no `solids`.
 
-        `solids` is the number of answers to be signed. A thread has every `every`-th answer.
+        `solids` is the number of answers to be signed. A thread has every `stride`-th answer.
         """
         if not solids:
             return None
         if self._insides is None:
             self._insides = insides_of(self.models)
-        poses, pairs, wanted, _, signed = asked
+        poses, pairs, wanted, _, signed = query
         insides, room = self._insides, 1 + 15 * self._deepest._hierarchy.depth
-        progress = np.zeros((every, 2, 2), np.int64)  # one per thread
-        scratch = np.empty((every, 2, 2, room), np.int32)
+        progress = np.zeros((stride, 2, 2), np.int64)  # one per thread
+        scratch = np.empty((stride, 2, 2, room), np.int32)
 
         def settle(first: int, last: int, steps: int) -> int:
             return settle_signs(
-                insides, poses, pairs, wanted, signed, first, last, every, steps,
-                progress[first % every], scratch[first % every], answers,
+                insides, poses, pairs, wanted, signed, first, last, stride, steps,
+                progress[first % stride], scratch[first % stride], answers,
             )  # fmt: skip
 
         return settle

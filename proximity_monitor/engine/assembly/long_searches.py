@@ -49,12 +49,12 @@ _FAR = 8.0
 """At a distance of this many radii, the first bounding volumes prove that two bodies are apart."""
 
 _ASK_S, _MOST_ASKED = 1.0, 8
-"""Budget (seconds) of a question that is asked to compile its kernels, and how often it is asked at
+"""Budget (seconds) of a query that is asked to compile its kernels, and how often it is asked at
 most. A search has fewer stages whose kernels are compiled one after the other."""
 
 
 class Single(NamedTuple):
-    """A question about one pair."""
+    """A query about one pair."""
 
     key: Hashable
     """The key under which the search is kept: all that the answer depends on, or the bodies."""
@@ -75,7 +75,7 @@ class LongSearches:
     Args:
         coherent: True: every search is kept, so that an answer speeds up the next one with the same
             key. False: only searches that a deadline cut are kept, so that an answer depends only
-            on its question.
+            on its query.
     """
 
     def __init__(self, coherent: bool) -> None:
@@ -85,10 +85,10 @@ class LongSearches:
     def resumed(
         self, keys: Callable[[int], Hashable], count: int, possible: Callable[[Hashable], bool]
     ) -> list[int]:
-        """Return the numbers of the questions whose search is kept; forget all other searches.
+        """Return the numbers of the queries whose search is kept; forget all other searches.
 
-        `keys` makes the key of a question. `possible` first discards kept keys that no question can
-        have, because making the keys of all questions takes far longer.
+        `keys` makes the key of a query. `possible` first discards kept keys that no query can
+        have, because making the keys of all queries takes far longer.
         """
         if not self._kept:
             return []
@@ -102,13 +102,13 @@ class LongSearches:
         self._kept = OrderedDict((key, self._kept[key]) for key in found)
         return list(found.values())
 
-    def resume(self, asked: Single) -> None:
+    def resume(self, query: Single) -> None:
         """Keep a search of a signed distance that has not begun, for the next call to begin it."""
-        pair = self._kept[asked.key] = Pair(*asked.models)
-        pair.signed_search().known = asked.known
+        pair = self._kept[query.key] = Pair(*query.models)
+        pair.signed_search().known = query.known
 
     def prepare(
-        self, asked: Single, depth_err: float, deadline: float
+        self, query: Single, depth_err: float, deadline: float
     ) -> NDArray[np.float64] | None:
         """If time is short, do a part of the work of beginning a kept search of a signed distance.
 
@@ -118,14 +118,14 @@ class LongSearches:
         """
         if perf_counter() + _BEGIN_S < deadline:
             return None
-        rel_err, abs_err, clearance = asked.wanted.tolist()
+        rel_err, abs_err, clearance = query.wanted.tolist()
         tolerated = _tolerated(clearance, depth_err)
-        search = self._kept[asked.key].signed_search()
-        return search.prepare(*asked.poses, rel_err, abs_err, tolerated)
+        search = self._kept[query.key].signed_search()
+        return search.prepare(*query.poses, rel_err, abs_err, tolerated)
 
     def search(
         self,
-        asked: Callable[[int], Single],
+        query: Callable[[int], Single],
         count: int,
         depth_err: float,
         deadline: float,
@@ -137,8 +137,8 @@ class LongSearches:
         pair, even after the deadline.
 
         Args:
-            asked: returns a question by its number.
-            count: the number of questions.
+            query: returns a query by its number.
+            count: the number of queries.
             depth_err: as for `engine.signed_distance`. With a clearance, a search ends as soon as
                 its side is certain.
             deadline: a time of `perf_counter`, or infinity.
@@ -157,7 +157,7 @@ class LongSearches:
             for k in range(first, min(first + step, count)):
                 if stopped.is_set() or (k and perf_counter() + _BEGIN_S >= deadline):
                     return
-                each = asked(k)
+                each = query(k)
                 pair = kept.pop(each.key, None)
                 if pair is None or (pair.a, pair.b) != each.models:
                     if fresh is None or (fresh.a, fresh.b) != each.models:
@@ -178,37 +178,37 @@ class LongSearches:
 
 def _search(
     pair: Pair,
-    asked: Single,
+    query: Single,
     depth_err: float,
     deadline: float,
     longest: float,
     stopped: Event,
 ) -> tuple[NDArray[np.float64], bool]:
     """Return the row of an answer, and whether its search ended or decided the clearance."""
-    rel_err, abs_err, clearance = asked.wanted.tolist()
+    rel_err, abs_err, clearance = query.wanted.tolist()
     deciding = clearance < math.inf
     tolerated = _tolerated(clearance, depth_err)
-    if deciding and asked.signed:
+    if deciding and query.signed:
         longest = _DECIDING_S
     while True:
         now = perf_counter()
         left = max(deadline - now, 0.0)
         budget_s = None if min(left, longest) == math.inf else min(left, longest)
-        if asked.signed:
+        if query.signed:
             row = pair.signed_distance(
-                *asked.poses, rel_err=rel_err, abs_err=abs_err, depth_err=tolerated,
+                *query.poses, rel_err=rel_err, abs_err=abs_err, depth_err=tolerated,
                 budget_s=budget_s,
             ).row  # fmt: skip
         elif deciding:
-            row = pair.within(*asked.poses, clearance, budget_s=budget_s).row
+            row = pair.within(*query.poses, clearance, budget_s=budget_s).row
         else:
             row = pair.distance(
-                *asked.poses, rel_err=rel_err, abs_err=abs_err, budget_s=budget_s
+                *query.poses, rel_err=rel_err, abs_err=abs_err, budget_s=budget_s
             ).row
         if row[index.LOWER] > clearance or (deciding and row[index.UPPER] <= clearance):
             return row, True
         if row[index.STATUS] != index.OUT_OF_TIME:
-            if not asked.signed or tolerated == depth_err:
+            if not query.signed or tolerated == depth_err:
                 return row, True
             tolerated = depth_err  # the ball found is within the deviations: look for a larger one
         if stopped.is_set() or perf_counter() >= deadline_of(now, left):
@@ -253,7 +253,7 @@ def prepare(assembly: Assembly) -> None:
 def _compile(ask: Callable[..., object], *poses: object, **options: object) -> None:
     """Ask until nothing is compiled any more.
 
-    Compiling uses up the budget before the question needs all of its kernels, so ask it again.
+    Compiling uses up the budget before the query needs all of its kernels, so ask it again.
     """
     for _ in range(_MOST_ASKED):
         begun = perf_counter()

@@ -40,38 +40,38 @@ class Runs:
         """The entry of all pairs, or None if pairs may be of several kinds."""
         self._known: dict[Hashable, Plan] = {}
 
-    def plan(self, pairs: NDArray[np.int32], every: int, ahead: Sequence[int]) -> Plan:
+    def plan(self, pairs: NDArray[np.int32], stride: int, ahead: Sequence[int]) -> Plan:
         """Return the order in which to search pairs (k, 2), and each thread's runs in that order.
 
-        There are `every` threads; each takes every `every`-th pair. The pairs at `ahead` go first.
-        Of all others, the first pair given goes first.
+        There are `stride` threads; each takes every `stride`-th pair. The pairs at `ahead` go
+        first. Of all others, the first pair given goes first.
         """
-        key = pairs.tobytes(), every
+        key = pairs.tobytes(), stride
         if ahead or (found := self._known.get(key)) is None:
-            found = self._planned(pairs, every, ahead)
+            found = self._planned(pairs, stride, ahead)
             if not ahead:  # the pairs are mostly the same as in the tick before
                 if len(self._known) >= _KNOWN:
                     self._known.clear()
                 self._known[key] = found
         return found
 
-    def _planned(self, pairs: NDArray[np.int32], every: int, ahead: Sequence[int]) -> Plan:
-        asked, count = self._which[tuple(pairs.T)], len(pairs)
+    def _planned(self, pairs: NDArray[np.int32], stride: int, ahead: Sequence[int]) -> Plan:
+        which, count = self._which[tuple(pairs.T)], len(pairs)
         begins = [0, *(_FIRST << np.arange(max(1, count // _FIRST).bit_length()))]
         block = np.searchsorted(begins, np.arange(count), side="right") - 1
-        kind = (asked - asked[:1]) % len(self._entries)
+        kind = (which - which[:1]) % len(self._entries)
         # Every other block has the kinds in reverse order, so that runs join across blocks.
         kind = np.where(block % 2, len(self._entries) - 1 - kind, kind)
         turn = block * len(self._entries) + kind
         turn[ahead] = -1
         order = np.argsort(turn, kind="stable")
-        return order, [self._runs(asked[order], first, every) for first in range(every)]
+        return order, [self._runs(which[order], first, stride) for first in range(stride)]
 
-    def _runs(self, asked: NDArray[np.int64], first: int, every: int) -> list[Run]:
-        """Return the runs of every `every`-th pair from `first` on; `asked` (k,): their entries."""
-        own = asked[first::every]
+    def _runs(self, which: NDArray[np.int64], first: int, stride: int) -> list[Run]:
+        """Return the runs of every `stride`-th pair from `first` on; `which` (k,): the entries."""
+        own = which[first::stride]
         ends = [*np.flatnonzero(np.diff(own, prepend=-1)).tolist(), len(own)]
         return [
-            (self._entries[own[i]], first + every * i, first + every * (end - 1) + 1)
+            (self._entries[own[i]], first + stride * i, first + stride * (end - 1) + 1)
             for i, end in pairwise(ends)
         ]

@@ -22,9 +22,9 @@ from ..kernels.assembly import schedule as kernel
 from ..kernels.base import state as index
 from ..models.model import Model
 from .answers import Answers
-from .asked import Asked
 from .assembly import Assembly
 from .long_searches import LongSearches, Single, prepare
+from .query import Query
 
 REMEMBERED = 100_000
 """How many pairs without a row keep their smallest bounds. The oldest are forgotten first."""
@@ -250,10 +250,10 @@ class Schedule:
         self, queries: Queries, budget_s: float, threads: int, clock: Callable[[], float]
     ) -> NDArray[np.int64]:
         """Search entries in one call, in order; return the entries that the budget reached."""
-        asked = Asked(
+        query = Query(
             self._answers.poses, queries.bodies, queries.wanted, queries.hints, queries.signed
         )
-        found = self._assembly.rows(asked, perf_counter() + float(budget_s), threads)
+        found = self._assembly.rows(query, perf_counter() + float(budget_s), threads)
         return self.commit(queries, found, clock())
 
     def _search_singly(

@@ -76,7 +76,7 @@ def _revolution(part: Part, metres: float, name: str, deviation: float) -> Solid
     if found is None:
         return None
     turn, shift = part.pose[:3, :3], part.pose[:3, 3]
-    aside = max(face.tolerance for face in part.shape.faces) + found.apart
+    aside = max(face.tolerance for face in part.shape.faces) + found.deviation
     try:
         return SolidOfRevolution(
             [Curve(points * metres, knots, weights) for points, weights, knots in found.curves],

@@ -113,7 +113,7 @@ def _loop(wire: Any, face: Any, surface: Any) -> tuple[list[TrimCurve], float]:
     chain = _followed(chain)
     before = [chain[-1], *chain]
     gaps = [
-        _apart(surface, a[-1].control[-1], b[0].control[0])
+        _distance(surface, a[-1].control[-1], b[0].control[0])
         for a, b in zip(before, chain, strict=False)
     ]
     if max(gaps) > _CLOSED * tolerance + 1e-12:
@@ -156,7 +156,7 @@ def _beside(edge: Any, face: Any, surface: Any, tolerance: float) -> float:
     return 0.0 if seen(_LOOKS) <= tolerance else 2.0 * seen(8 * _LOOKS)
 
 
-def _apart(surface: Any, a: Reals, b: Reals) -> float:
+def _distance(surface: Any, a: Reals, b: Reals) -> float:
     """Return the distance of two points of a surface; inf if they are on different turns of it."""
     turns = [
         (surface.IsUPeriodic() and abs(a[0] - b[0]) > 0.5 * surface.UPeriod()),

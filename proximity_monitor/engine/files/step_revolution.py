@@ -41,7 +41,7 @@ class Revolution(NamedTuple):
     """The curves of the profile, in order: control points (n, 2), weights, knots."""
     origin: Reals
     axis: Reals
-    apart: float
+    deviation: float
     """Upper bound of the Hausdorff distance between the solid's boundary and the faces."""
 
 
@@ -65,7 +65,7 @@ class _Frame(NamedTuple):
         return (points - self.origin) @ self.axes.T
 
 
-def _turned(direction: Reals, angle: float) -> Reals:
+def _rotated(direction: Reals, angle: float) -> Reals:
     """Return a direction (2,) across the axis, rotated about the axis."""
     cos, sin = on_circle(angle)
     return np.array([[cos, -sin], [sin, cos]]) @ direction
@@ -93,12 +93,12 @@ class _Sector(NamedTuple):
         first, later = net.control[0, far, :2], net.control[1, far, :2]
         sense = 1 if first[0] * later[1] > first[1] * later[0] else -1
         low, _ = net.rectangle()
-        return cls(net, _turned(first / rims[far], -sense * low[0]), sense)
+        return cls(net, _rotated(first / rims[far], -sense * low[0]), sense)
 
     def profile(self) -> Reals:
         """Return the control points (n, 2), rho and z, of the curve at the sector's start."""
         low, _ = self.net.rectangle()
-        first = _turned(self.x, self.sense * low[0])
+        first = _rotated(self.x, self.sense * low[0])
         return np.column_stack([self.net.control[0, :, :2] @ first, self.net.control[0, :, 2]])
 
     def span(self) -> tuple[float, float]:
@@ -115,7 +115,7 @@ class _Sector(NamedTuple):
         )
         return self._replace(net=turned)
 
-    def apart(self, profile: Reals) -> float:
+    def deviation(self, profile: Reals) -> float:
         """Return a bound of how far the sector is from a profile's sweep; inf if weights differ.
 
         If two patches have the same weights, their points at the same parameters are no farther
@@ -123,7 +123,7 @@ class _Sector(NamedTuple):
         """
         low, high = self.net.rectangle()
         frame = np.eye(3)
-        frame[0, :2], frame[1, :2] = self.x, self.sense * _turned(self.x, 0.5 * math.pi)
+        frame[0, :2], frame[1, :2] = self.x, self.sense * _rotated(self.x, 0.5 * math.pi)
         control = np.column_stack([profile[:, 0], np.zeros(len(profile)), profile[:, 1]])
         flat = Profile(control, self.net.weights[0], self.net.knots_v, self.net.arcs[1])
         made = around_z(flat, np.zeros(3), list(frame), low[0], high[0])
@@ -167,13 +167,13 @@ class _Band:
         self.sectors += other.sectors
         return True
 
-    def apart(self, control: Reals) -> float:
+    def deviation(self, control: Reals) -> float:
         """Return a bound of how far the faces are from the sweep of a curve over the full turn."""
         spans = sorted(sector.span() for sector in self.sectors)
         ends = [*spans[1:], (spans[0][0] + 2.0 * math.pi, 0.0)]
         left = max(abs(b - (a + width)) for (a, width), (b, _) in zip(spans, ends, strict=True))
         radius = float(np.abs(control[:, 0]).max())
-        return max(sector.apart(control) for sector in self.sectors) + left * radius
+        return max(sector.deviation(control) for sector in self.sectors) + left * radius
 
 
 @dataclass
@@ -194,7 +194,7 @@ class _Ring:
         middle = float(self.heights.mean())
         self.control = np.array([[0.5 * (low + high), middle] for low, high in self.radii])
 
-    def apart(self, control: Reals) -> float:
+    def deviation(self, control: Reals) -> float:
         """Return a bound of how far the face and the sweep of a line are from each other.
 
         The points of the plane between the greatest radius of the inner loop and the least radius
@@ -223,13 +223,13 @@ def find_revolution(faces: Sequence[Face]) -> Revolution | None:
     if not ordered:
         return None
     curves = _joined(ordered, 2.0 * tolerance)
-    apart = max(
-        piece.apart(control[::-1] if backward else control)
+    deviation = max(
+        piece.deviation(control[::-1] if backward else control)
         for (piece, backward), control in zip(ordered, curves, strict=True)
     )
     size = max(float(np.abs(face.net.control).max()) for face in faces)
-    apart += _ROUNDING * size
-    if not apart <= tolerance + _ROUNDING * size:
+    deviation += _ROUNDING * size
+    if not deviation <= tolerance + _ROUNDING * size:
         return None
     profile = [
         (control, piece.weights[::-1], -piece.knots[::-1])
@@ -237,7 +237,7 @@ def find_revolution(faces: Sequence[Face]) -> Revolution | None:
         else (control, piece.weights, piece.knots)
         for (piece, backward), control in zip(ordered, curves, strict=True)
     ]
-    return Revolution(profile, frame.origin, frame.axes[2], apart)
+    return Revolution(profile, frame.origin, frame.axes[2], deviation)
 
 
 _Piece = _Band | _Ring
@@ -259,7 +259,7 @@ def _pieces(faces: Sequence[Face], frame: _Frame, tolerance: float) -> list[_Pie
         if sector is None:
             return []
         band = _Band.of(sector, sector.sense)
-        if band.sectors[0].apart(band.control) > tolerance:
+        if band.sectors[0].deviation(band.control) > tolerance:
             return []
         other = _Band.of(sector.backward(), -sector.sense)
         if not any(each.takes(made, tolerance) for each in bands for made in (band, other)):

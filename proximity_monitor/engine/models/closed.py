@@ -116,8 +116,8 @@ def _opening_at(edges: Sequence[Edge]) -> float:
 class _Widths:
     """The widths of the gaps that count as closed, metres."""
 
-    def __init__(self, bend: float) -> None:
-        self.bend = bend  # how far edges on curved patches may be from their chords
+    def __init__(self, chord_deviation: float) -> None:
+        self.chord_deviation = chord_deviation  # of edges on curved patches, at most
         self.strip = 0.0  # between coincident edges
         self.corner = 0.0  # between ends of one group
         self.point = 0.0  # extent of edges that count as points
@@ -151,7 +151,9 @@ def _unmatched(edges: list[Edge], gap: float, widths: _Widths) -> list[Edge]:
     for i, (begin, end) in enumerate(ends.reshape(-1, 2).tolist()):
         others = left[end, begin]
         for j in others:
-            apart, bends = _apart(edges[i].turned().curve, edges[j].curve, widths.bend)
+            apart, bends = _distance_parts(
+                edges[i].turned().curve, edges[j].curve, widths.chord_deviation
+            )
             if apart <= gap:
                 widths.strip = max(widths.strip, apart + bends)
                 others.remove(j)
@@ -187,13 +189,14 @@ def _first(group: NDArray[np.int64], i: int) -> int:
     return i
 
 
-def _apart(a: Curve, b: Curve, bend: float) -> tuple[float, float]:
+def _distance_parts(a: Curve, b: Curve, chord_deviation: float) -> tuple[float, float]:
     """Return two lengths, metres, whose sum bounds how far either of two edges is from the other.
 
-    The second bounds what the compared points miss, about `bend`; it is 0 for rational curves.
+    The second bounds what the compared points miss, about `chord_deviation`; it is 0 for rational
+    curves.
     """
     if isinstance(a, ChartCurve) or isinstance(b, ChartCurve):
-        return _apart_at_points(a, b, bend)
+        return _distance_parts_at_points(a, b, chord_deviation)
     speeds = []
     for edge in (a, b):
         way = np.linalg.norm(edge.points[1] - edge.points[0])
@@ -204,12 +207,12 @@ def _apart(a: Curve, b: Curve, bend: float) -> tuple[float, float]:
     return min(_difference(a.net, b.net, each) for each in (*found, ends[1] / ends[0])), 0.0
 
 
-def _apart_at_points(a: Curve, b: Curve, bend: float) -> tuple[float, float]:
-    """Do what `_apart` does, from pairs of points that are in the same order on both edges."""
+def _distance_parts_at_points(a: Curve, b: Curve, chord_deviation: float) -> tuple[float, float]:
+    """Do as `_distance_parts`, from pairs of points that are in the same order on both edges."""
     if _far(a, b):
         return np.inf, 0.0
     bends = a.bend(), b.bend()
-    count = min(max(int(np.sqrt(max(bends) / (8.0 * bend))) + 1, 16), _MOST_CHORDS)
+    count = min(max(int(np.sqrt(max(bends) / (8.0 * chord_deviation))) + 1, 16), _MOST_CHORDS)
     t = np.linspace(0.0, 1.0, count + 1)
     coarse = np.linspace(0.0, 1.0, 17)
     along = _near(b, a.at(coarse), coarse, _NEWTON)
@@ -263,7 +266,7 @@ def _cut(edges: list[Edge], gap: float) -> list[Edge]:
         inside = (corners >= points.min(axis=0) - gap) & (corners <= points.max(axis=0) + gap)
         curve, begin = edge.curve, 0.0
         for t in _parameters(curve, corners[inside.all(axis=1)], gap):
-            first, curve = curve.halved((t - begin) / (1.0 - begin))
+            first, curve = curve.split((t - begin) / (1.0 - begin))
             made.append(Edge.of(first, edge.patch))
             begin = t
         made.append(edge if begin == 0.0 else Edge.of(curve, edge.patch))

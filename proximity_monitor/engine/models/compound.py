@@ -68,8 +68,8 @@ def compound(parts: Sequence[Part], *, name: str = "compound", **how: Unpack[How
             f"{name}: {surfaces[0].name}: a parametric surface, which makes no one model with "
             "meshes; watch it as a body of its own"
         )
-    if surfaces and (turned := _turned(parts, name, how)):
-        return turned
+    if surfaces and (revolved := _revolved(parts, name, how)):
+        return revolved
     if surfaces:
         return _surface(parts, name, how)
     placed = [_placed(part, name) for part in parts]
@@ -136,7 +136,7 @@ def _is_inward(model: Surface) -> bool:
     return volume < 0.0
 
 
-def _turned(parts: Sequence[Part], name: str, how: How) -> SolidOfRevolution | None:
+def _revolved(parts: Sequence[Part], name: str, how: How) -> SolidOfRevolution | None:
     """Return the only part in the frame of the compound if it stays a solid of revolution, or None.
 
     A mirror through the axis maps the solid to itself. So mirroring moves only the axis.

@@ -78,7 +78,7 @@ def examine(trim: Trim) -> Loops:
             blur = max(blur, _joined(a, b, slack, _DEEP))
         elif following[j] == i:
             blur = max(blur, _joined(b, a, slack, _DEEP))
-        elif not _apart(a, b, slack, _DEEP):
+        elif not _are_apart(a, b, slack, _DEEP):
             blur = np.inf
     if blur > _CUSP:
         return Loops("its loops cross or touch", [], 0.0)
@@ -105,7 +105,7 @@ def _fine(stretches: list[Reals]) -> tuple[list[Reals], float]:
         moved = max(moved, float(np.abs(_hull(each)[0] - end).max()))
         each[0, :2] = end * each[0, 2]
     while 0 < len(found) < 3:
-        found = list(chain(*map(halved, found)))
+        found = list(chain(*map(split, found)))
     return found, moved
 
 
@@ -134,7 +134,7 @@ def _hull(net: Reals) -> Reals:
     return net[:, :2] / net[:, 2:]
 
 
-def halved(net: Reals, t: float = 0.5) -> tuple[Reals, Reals]:
+def split(net: Reals, t: float = 0.5) -> tuple[Reals, Reals]:
     """Split a curve of homogeneous control points at a parameter (de Casteljau's algorithm)."""
     first, last = [net[0]], [net[-1]]
     while len(net) > 1:
@@ -157,7 +157,7 @@ def _alone(net: Reals, slack: float, deep: int) -> float:
         return 0.0
     if deep == 0 or _size(net) <= slack:
         return _size(net)
-    a, b = halved(net)
+    a, b = split(net)
     joined = _joined(a, b, slack, deep - 1)
     return max(_alone(a, slack, deep - 1), _alone(b, slack, deep - 1), joined)
 
@@ -174,10 +174,10 @@ def _joined(a: Reals, b: Reals, slack: float, deep: int) -> float:
         return np.inf  # b folds back onto a
     if deep == 0 or size <= slack:
         return size
-    (a, near_a), (near_b, b) = halved(a), halved(b)
-    if not (_apart(a, near_b, slack, deep) and _apart(near_a, b, slack, deep)):
+    (a, near_a), (near_b, b) = split(a), split(b)
+    if not (_are_apart(a, near_b, slack, deep) and _are_apart(near_a, b, slack, deep)):
         return size
-    if not _apart(a, b, slack, deep):
+    if not _are_apart(a, b, slack, deep):
         return size
     return _joined(near_a, near_b, slack, deep - 1)
 
@@ -189,7 +189,7 @@ def _unit(ways: Reals) -> Reals:
     return ways[first] / max(lengths[first], 1e-300)
 
 
-def _apart(a: Reals, b: Reals, slack: float, deep: int) -> bool:
+def _are_apart(a: Reals, b: Reals, slack: float, deep: int) -> bool:
     """Tell whether two stretches certainly do not meet."""
     p, q = _hull(a), _hull(b)
     along = np.array([p[-1] - p[0], q[-1] - q[0]])
@@ -203,8 +203,8 @@ def _apart(a: Reals, b: Reals, slack: float, deep: int) -> bool:
     if deep == 0 or len(a) == len(b) == 2:
         return False
     if len(b) == 2 or (len(a) > 2 and _size(a) > _size(b)):
-        return all(_apart(half, b, slack, deep - 1) for half in halved(a))
-    return all(_apart(a, half, slack, deep - 1) for half in halved(b))
+        return all(_are_apart(half, b, slack, deep - 1) for half in split(a))
+    return all(_are_apart(a, half, slack, deep - 1) for half in split(b))
 
 
 def _holds(loop: Sequence[Reals], place: Reals, slack: float) -> bool:
@@ -221,7 +221,7 @@ def _holds(loop: Sequence[Reals], place: Reals, slack: float) -> bool:
             continue
         (ax, ay), (bx, by) = points[0], points[-1]
         if place[0] >= low[0] and len(net) > 2 and deep > 0:
-            waiting += [(half, deep - 1) for half in halved(net)]
+            waiting += [(half, deep - 1) for half in split(net)]
         elif (ay <= place[1]) != (by <= place[1]):
             at = ax + (place[1] - ay) / (by - ay) * (bx - ax)
             odd ^= place[0] < low[0] or bool(place[0] < at)
@@ -247,7 +247,7 @@ def _area(loop: Sequence[Reals], slack: float) -> float:
             return area
         if all(len(each) == 2 for each in loop):
             break
-        loop = list(chain(*(halved(each) if len(each) > 2 else (each,) for each in loop)))
+        loop = list(chain(*(split(each) if len(each) > 2 else (each,) for each in loop)))
     return 0.0
 
 

@@ -16,7 +16,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from .loops import halved
+from .loops import split
 
 Reals = NDArray[np.float64]
 
@@ -94,7 +94,7 @@ def _turn(
                 found = _side(u if u @ along >= 0.0 else -u, steps, ways, is_best, slack)
                 if found is not None:
                     return found
-        stretch = [half for piece in stretch for half in halved(balanced(piece))]
+        stretch = [half for piece in stretch for half in split(balanced(piece))]
         reach = [piece[:, :2] @ along / piece[:, 2] for piece in stretch]
         best = max(best, *(float(max(each[0], each[-1])) for each in reach))
         far = np.flatnonzero([each.max() >= best - slack for each in reach])

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from .bezier import basis
 from .edges import breaks
-from .loops import examine, halved
+from .loops import examine, split
 from .nurbs import Net
 
 Reals = NDArray[np.float64]
@@ -43,9 +43,9 @@ class RationalCurve(NamedTuple):
         """Return the reversed curve."""
         return self._replace(net=self.net[::-1])
 
-    def halved(self, t: float) -> tuple[Self, Self]:
+    def split(self, t: float) -> tuple[Self, Self]:
         """Split the curve at a parameter."""
-        return tuple(self._replace(net=each) for each in halved(self.net, t))
+        return tuple(self._replace(net=each) for each in split(self.net, t))
 
     def at(self, t: Reals) -> Reals:
         """Return the points (k, 3) at parameters (k,)."""
@@ -123,9 +123,9 @@ class ChartCurve(NamedTuple):
         """Return the reversed curve."""
         return self._replace(net=self.net[::-1])
 
-    def halved(self, t: float) -> tuple[Self, Self]:
+    def split(self, t: float) -> tuple[Self, Self]:
         """Split the curve at a parameter."""
-        return tuple(self._replace(net=each) for each in halved(self.net, t))
+        return tuple(self._replace(net=each) for each in split(self.net, t))
 
     def at(self, t: Reals) -> Reals:
         """Return the points (k, 3) at parameters (k,)."""
@@ -247,7 +247,7 @@ def _lifted(chart: Chart, flat: Reals | None, curve: Reals) -> Iterator[Rational
         knots.append((along.low[1:] - low) / extent)
     begin, left = 0.0, ChartCurve(chart, curve)
     for t in breaks(curve, knots)[1:-1]:
-        first, left = left.halved((t - begin) / (1.0 - begin))
+        first, left = left.split((t - begin) / (1.0 - begin))
         yield first
         begin = t
     yield left
@@ -276,8 +276,8 @@ def _isoparametric(
         bounds = np.array([along.low[piece], along.high[piece]])
         a, b = (np.clip([low, high], *bounds) - bounds[0]) / (bounds[1] - bounds[0])
         if a < b:
-            part = halved(net, b)[0] if b < 1.0 else net
-            found.append(halved(part, a / b)[1] if a > 0.0 else part)
+            part = split(net, b)[0] if b < 1.0 else net
+            found.append(split(part, a / b)[1] if a > 0.0 else part)
     if begin > end:
         found = [each[::-1] for each in reversed(found)]
     yield from map(RationalCurve, found)

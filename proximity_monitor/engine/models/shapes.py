@@ -240,7 +240,7 @@ def cone(
     end = 0.5 * checked_length(height, name, "height")
     corners = [(0.0, -end), (low, -end), (high, end), (0.0, end)]
     proper = [pair for pair in pairwise(corners) if pair[0] != pair[1]]
-    return _turned([Curve(pair) for pair in proper], name, how)
+    return _revolved([Curve(pair) for pair in proper], name, how)
 
 
 def torus(large: float, small: float, *, name: str = "torus", **how: Unpack[How]) -> Model:
@@ -260,10 +260,10 @@ def torus(large: float, small: float, *, name: str = "torus", **how: Unpack[How]
     rim = [(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1), (1, 0)]
     points = [(large + small * x, small * z) for x, z in rim]
     knots = [0, 0, 0, 1, 1, 2, 2, 3, 3, 4, 4, 4]
-    return _turned([Curve(points, knots, [1.0, math.sqrt(0.5)] * 4 + [1.0])], name, how)
+    return _revolved([Curve(points, knots, [1.0, math.sqrt(0.5)] * 4 + [1.0])], name, how)
 
 
-def _turned(curves: Sequence[Curve], name: str, how: How) -> Model:
+def _revolved(curves: Sequence[Curve], name: str, how: How) -> Model:
     """Make the solid of revolution of a profile about z; if `solid` is False, its surface alone."""
     if how.get("volume", "rss") != "rss" or how.get("solid") == "robust":
         raise ModelError(f"{name}: volume and solid='robust' are for meshes, not for surfaces")

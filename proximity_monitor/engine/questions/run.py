@@ -257,7 +257,7 @@ class Search:
         slices = slices_until(deadline)
         while True:
             code, row = entry(
-                own.models, self.memory, poses_a, poses_b, own.asked, row, count, 1, slices.steps,
+                own.models, self.memory, poses_a, poses_b, own.queries, row, count, 1, slices.steps,
                 fresh, flat,
             )  # fmt: skip
             if code == index.ENDED:
@@ -280,7 +280,7 @@ class Search:
 
     def run_queries(
         self,
-        asked: NDArray[np.int64],
+        queries: NDArray[np.int64],
         count: int,
         row: int,
         pose_a: NDArray[np.float64],
@@ -301,7 +301,17 @@ class Search:
         flat = answers.ravel()
         while True:
             code, row = self._elements(
-                models, self.memory, pose_a, pose_b, asked, row, count, 1, slices.steps, fresh, flat
+                models,
+                self.memory,
+                pose_a,
+                pose_b,
+                queries,
+                row,
+                count,
+                1,
+                slices.steps,
+                fresh,
+                flat,
             )
             if code == index.ENDED or slices.over():
                 return code, row

@@ -137,14 +137,14 @@ class SearchKind(NamedTuple):
 class SearchMemory(Memory):
     """The arrays of a search, with the tables by which kernels find them."""
 
-    __slots__ = ("asked", "models", "numbers", "progress", "query", "state", "table")
+    __slots__ = ("models", "numbers", "progress", "queries", "query", "state", "table")
 
     kind: SearchKind
     models: NDArray[np.int64]
     """(2, MODEL_ROWS, 2) room for the tables of two models."""
     numbers: memoryview
     """The five real numbers of the single query, which is about bodies 0 and 1."""
-    asked: NDArray[np.int64]
+    queries: NDArray[np.int64]
     """The table of that query."""
     progress: np.void
     """`State.progress`."""
@@ -156,7 +156,7 @@ class SearchMemory(Memory):
         super().__init__(kind)
         self.query = np.zeros(1, index.QUERY)
         self.query["bodies"], self.query["nearest"] = (0, 1), index.KEEP
-        self.asked = table((self.query,))
+        self.queries = table((self.query,))
         self.numbers = memoryview(self.query.view(np.float64))[-5:]
         self.models = np.empty((2, MODEL_ROWS, 2), np.int64)
         order, coherent, levels, capacity, *cells, rings = kind

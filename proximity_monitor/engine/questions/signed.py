@@ -24,8 +24,8 @@ from .slices import deadline_of
 if TYPE_CHECKING:
     from .pair import Pair
 
-_LARGEST, _NONE = {"rel_err": 1.0}, {"rel_err": 0.0}
-"""Tolerances of the surfaces' distance, if that of the question does not tell the sign."""
+_WIDEST, _EXACT = {"rel_err": 1.0}, {"rel_err": 0.0}
+"""Tolerances of the surfaces' distance, if that of the query does not tell the sign."""
 
 Stage = Callable[["SignedSearch"], "Stage | None"]
 """Does at least one slice of work. Returns the next stage; itself if time ran out; None at the end.
@@ -302,14 +302,14 @@ class SignedSearch:
             bound_tests += found.bound_tests
             primitive_tests += found.primitive_tests
             told = found.lower > 0.0 or found.status is not Status.WITHIN_TOLERANCE
-            if told or self._tolerance is _NONE:
+            if told or self._tolerance is _EXACT:
                 self._apart_tests = bound_tests, primitive_tests
                 self._found = found
                 return found
             # The tolerance is so wide that the surfaces might still meet, so the sign is unknown.
             # It allows everything from 0 to `upper`, hence also what the next search finds. If the
             # models may deviate by about as much as they are apart, only the exact distance tells.
-            self._tolerance = _NONE if self._tolerance is _LARGEST else _LARGEST
+            self._tolerance = _EXACT if self._tolerance is _WIDEST else _WIDEST
             self._earlier_tests = bound_tests, primitive_tests
 
     def _inside(self, ended: bool) -> NDArray[np.float64]:

@@ -108,8 +108,8 @@ def answer_in_slices(
     memory: NDArray[np.int64],
     fresh: bool,
     poses: NDArray[np.float64],
-    asked: NDArray[np.int64],
-    every: int,
+    queries: NDArray[np.int64],
+    stride: int,
     deadline: float | None,
     stopped: Event | None,
     answers: NDArray[np.float64],
@@ -123,8 +123,8 @@ def answer_in_slices(
         memory: the table of a search's memory.
         fresh: whether to begin the first query; otherwise continue it.
         poses: (n, 4, 4) model to world of every body, metres.
-        asked: the table of all queries.
-        every: how many threads share the queries; the next query of this thread is so many on.
+        queries: the table of all queries.
+        stride: how many threads share the queries; the next query of this thread is so many on.
         deadline: a time of perf_counter, or None.
         stopped: an event that ends the search when it is set, or None.
         answers: (k, ANSWER), written.
@@ -137,7 +137,17 @@ def answer_in_slices(
         while True:
             done = at
             code, at = entry(
-                tables, memory, stacked, stacked, asked, at, last, every, slices.steps, fresh, flat
+                tables,
+                memory,
+                stacked,
+                stacked,
+                queries,
+                at,
+                last,
+                stride,
+                slices.steps,
+                fresh,
+                flat,
             )
             fresh = code != CUT
             if code in (BAD_POSE_A, BAD_POSE_B):

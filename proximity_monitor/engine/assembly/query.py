@@ -11,7 +11,7 @@ from ..arguments import as_integers, as_tolerances
 from ..kernels.assembly.questions import take_pairs
 
 
-class Asked(NamedTuple):
+class Query(NamedTuple):
     """A checked query about some pairs of bodies."""
 
     poses: NDArray[np.float64]
@@ -26,10 +26,10 @@ class Asked(NamedTuple):
     """(k,) whether the answer is to be a signed distance. If the bodies may overlap, its lower
     bound is -inf."""
 
-    def part(self, rows: NDArray[np.int64] | NDArray[np.bool_]) -> Asked:
+    def part(self, rows: NDArray[np.int64] | NDArray[np.bool_]) -> Query:
         """Return the query about some of the pairs."""
         hints = None if self.hints is None else self.hints[rows]
-        return Asked(self.poses, self.pairs[rows], self.wanted[rows], hints, self.signed[rows])
+        return Query(self.poses, self.pairs[rows], self.wanted[rows], hints, self.signed[rows])
 
 
 def checked_pairs(
