@@ -122,14 +122,14 @@ class Banding:
         )
         where = "behind" if self._behind_s > 0.0 else "after the moment that is shown"
         late = f"; {abs(self._behind_s):.1f} s {where}" if self._behind_s else ""
-        sampled, off = np.array(list(self._sampled_m.values()) or [(0.0, 0.0)]).max(axis=0)
+        sampled, deviation = np.array(list(self._sampled_m.values()) or [(0.0, 0.0)]).max(axis=0)
         unit, told = self._scene.unit, []
         if sampled > 0.0:
             told.append(f"colours end up to {length(sampled, unit)} off along a part")
-        if np.isinf(off):
+        if np.isinf(deviation):
             told.append("how far what is drawn is off the shapes is not known")
-        elif off > 0.0:
-            told.append(f"what is drawn is up to {length(off, unit)} off the shapes")
+        elif deviation > 0.0:
+            told.append(f"what is drawn is up to {length(deviation, unit)} off the shapes")
         exact = "; ".join(told) or "certain"
         return f'<div class="pm pm-small" id="pm-bands">{boxes}<br>{exact}{late}</div>'
 
@@ -163,8 +163,10 @@ class Banding:
         return part, None if pose is None else pose.tobytes()
 
     def _draw(self, job: _Job) -> None:
-        corners, of, *off, cut = job.answer.result()  # the page shows an error of the computation
-        self._sampled_m[job.name] = tuple(off)
+        corners, of, *errors, cut = (
+            job.answer.result()
+        )  # the page shows an error of the computation
+        self._sampled_m[job.name] = tuple(errors)
         scale = self._parts.scale
         # If time ran out, as on a busy machine, the bands are computed again with a larger budget.
         again = cut and (job.budget_s < LONGEST_S or bool((of == bands.UNKNOWN).any()))
@@ -195,8 +197,8 @@ def _bands(near: _Near, budget_s: float) -> bands.Bands:
             bands.model_of(other, point),
             inverse @ bands.matrix(np.frombuffer(pose)),
             limits,
-            other.off,
+            other.deviation,
         )
         for other, pose, point, limits in others
     ]
-    return bands.bands(corners, told, budget_s, part.off)
+    return bands.bands(corners, told, budget_s, part.deviation)

@@ -46,15 +46,15 @@ class Other(NamedTuple):
     pose: np.ndarray
     """(4, 4) to the frame of the part whose bands are wanted, in metres."""
     limits: Thresholds
-    off: float = 0.0
-    """Metres; see `Part.off`. If it is finite, it is also the model's deviation."""
+    deviation: float = 0.0
+    """Metres; see `Part.deviation`. If it is finite, the model has the same one."""
 
 
 def model_of(part: Part, point: bool) -> engine.Model:
     """Return what is shown of a body as a model; `point` says that the body is a single point."""
     found = _MODELS.get(part)
     if found is None:
-        how = {"deviation": part.off if np.isfinite(part.off) else 0.0}
+        how = {"deviation": part.deviation if np.isfinite(part.deviation) else 0.0}
         if point:
             found = engine.shapes.points(np.zeros((1, 3)), **how)
         else:
@@ -88,15 +88,15 @@ class Bands(NamedTuple):
     """(m,)"""
     sampled_m: float
     """The farthest that a point of a triangle is from the middle whose band the triangle got."""
-    off_m: float
-    """How far the shapes of a pair may be off, added up; 0: no band depends on it; inf: not known.
+    deviation_m: float
+    """The deviations of a pair's shapes, added up; 0: no band depends on it; inf: not known.
     Every band is certain if this and `sampled_m` are 0."""
     cut: bool = False
     """Whether time was over before every band was as certain as it can become."""
 
 
 def bands(
-    corners: np.ndarray, others: Sequence[Other], budget_s: float = BUDGET_S, off: float = 0.0
+    corners: np.ndarray, others: Sequence[Other], budget_s: float = BUDGET_S, deviation: float = 0.0
 ) -> Bands:
     """Return the bands of a part, computed within a time budget.
 
@@ -104,17 +104,17 @@ def bands(
         corners: (n, 3, 3) of its triangles in its own frame, metres.
         others: the parts that it is watched against.
         budget_s: seconds. Preparing each model and compiling, which happen once, do not count.
-        off: metres; how far these triangles are at most from the body; inf: not known.
+        deviation: metres; how far these triangles are at most from the body; inf: not known.
     """
     for other in others:
         engine.closest_points(other.model, other.pose, np.zeros((1, 3)), signed=True)
     ends = time.monotonic() + budget_s
     size = float(np.ptp(corners.reshape(-1, 3), axis=0).max()) if len(corners) else 0.0
-    done, of_done, sampled_m, off_m, cut = [], [], 0.0, 0.0, False
-    most_off = max((off + other.off for other in others), default=0.0)
+    done, of_done, sampled_m, deviation_m, cut = [], [], 0.0, 0.0, False
+    most_deviation = max((deviation + other.deviation for other in others), default=0.0)
     while True:
         middle, radius = _ball(corners)
-        alike, certain, in_vain, band = _judged(middle, radius, others, off, ends)
+        alike, certain, in_vain, band = _judged(middle, radius, others, deviation, ends)
         final = certain | (alike & in_vain) | (radius <= FINEST * size)
         over = time.monotonic() >= ends
         cut |= bool((band == UNKNOWN).any()) or (over and not final.all())
@@ -122,12 +122,12 @@ def bands(
             final[:] = True
         sampled_m = max(sampled_m, float(radius[final & ~alike].max(initial=0.0)))
         if (final & ~certain).any():
-            off_m = most_off
+            deviation_m = most_deviation
         done.append(corners[final])
         of_done.append(band[final])
         corners = _divided(corners[~final])
         if not len(corners):
-            return Bands(np.concatenate(done), np.concatenate(of_done), sampled_m, off_m, cut)
+            return Bands(np.concatenate(done), np.concatenate(of_done), sampled_m, deviation_m, cut)
 
 
 def _ball(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -142,7 +142,7 @@ def _ball(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _judged(
-    middle: np.ndarray, radius: np.ndarray, others: Sequence[Other], off: float, ends: float
+    middle: np.ndarray, radius: np.ndarray, others: Sequence[Other], deviation: float, ends: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return three flags for each ball (n,), and the band (n,) of each middle.
 
@@ -157,7 +157,11 @@ def _judged(
     for other in others:
         warn, stop = max(other.limits.warn, other.limits.stop), other.limits.stop
         widened = other.model.deviation
-        reach = float(radius.max(initial=0.0)) + widened + (off if np.isfinite(off) else 0.0)
+        reach = (
+            float(radius.max(initial=0.0))
+            + widened
+            + (deviation if np.isfinite(deviation) else 0.0)
+        )
         found = engine.closest_points(
             other.model,
             other.pose,
@@ -170,7 +174,7 @@ def _judged(
         # Bounds for the triangles as they are shown: the engine has widened them by the deviation.
         lower, upper = found.lower + widened, found.upper - widened
         band = np.minimum(band, _band(np.minimum(lower, upper), warn, stop))
-        more = off if np.isfinite(other.off) else np.inf
+        more = deviation if np.isfinite(other.deviation) else np.inf
         for found_bands, low, high, by in (
             (drawn, lower, upper, radius),
             (shapes, found.lower, found.upper, radius + more),

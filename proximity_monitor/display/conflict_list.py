@@ -30,7 +30,7 @@ class ConflictList:
     def __init__(self, gui: viser.GuiApi, shared: Shared, choice: Choice) -> None:
         """Add the list at the current place of the GUI."""
         self._about = shared.session, shared.events
-        self._decisions = shared.conflicts
+        self._decisions = shared.decisions
         self._choice = choice
         self._first = 0
         self._due_s = 0.0

@@ -26,7 +26,7 @@ LOOK_S = 1.0
 UNDECIDED = Decision()
 
 
-class Conflicts:
+class DecisionStore:
     """The decisions of one scene, for all browsers."""
 
     def __init__(self, given: str = "") -> None:
@@ -119,7 +119,7 @@ def _problem(error: Exception, path: Path, unsaved: bool) -> str:
     return f"{path}: {why}. The file is left as it is.{kept}"
 
 
-def decided(pairs: Pairs, row: int | None, status: str, comment: str) -> Decision:
+def decision_now(pairs: Pairs, row: int | None, status: str, comment: str) -> Decision:
     """Return a person's decision of this moment, with the pair's state and bounds.
 
     `row` is the pair's row in the tick; None if the tick does not list the pair.
@@ -132,7 +132,9 @@ def decided(pairs: Pairs, row: int | None, status: str, comment: str) -> Decisio
     return Decision(status, comment, kind_of(pairs, row), *known, now)
 
 
-def told(decision: Decision, state: str, upper: float, unit: Unit, worse: str = "worse now") -> str:
+def decision_line(
+    decision: Decision, state: str, upper: float, unit: Unit, worse: str = "worse now"
+) -> str:
     """Return a decision as one line for people; empty if there is no decision.
 
     Args:
@@ -154,7 +156,7 @@ def told(decision: Decision, state: str, upper: float, unit: Unit, worse: str = 
 def row_mark(
     decision: Decision, state: str, upper: float, unit: Unit, worse: str = "worse now"
 ) -> str:
-    """Return a decision as HTML for the row of its pair; see `told`."""
+    """Return a decision as HTML for the row of its pair; see `decision_line`."""
     kind = "pm-unproved" if decision.outgrown(state, upper) else "pm-dim"
-    line = escape(told(decision, state, upper, unit, worse))
+    line = escape(decision_line(decision, state, upper, unit, worse))
     return f'<div class="pm-small pm-decided {kind}">{line}</div>' if line else ""

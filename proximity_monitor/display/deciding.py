@@ -12,7 +12,12 @@ from html import escape
 import viser
 
 from proximity_monitor.display.choice import Choice, PairName
-from proximity_monitor.display.conflicts import UNDECIDED, Conflicts, decided, told
+from proximity_monitor.display.conflicts import (
+    UNDECIDED,
+    DecisionStore,
+    decision_line,
+    decision_now,
+)
 from proximity_monitor.display.decisions import NEW, STATUSES, Decision
 from proximity_monitor.display.order import kind_of
 from proximity_monitor.display.signs import clearance
@@ -23,9 +28,9 @@ from proximity_monitor.display.unlisted import reason
 class Deciding:
     """The fields for the status and comment of a pair, and a line that names the file."""
 
-    def __init__(self, gui: viser.GuiApi, conflicts: Conflicts, choice: Choice) -> None:
+    def __init__(self, gui: viser.GuiApi, decisions: DecisionStore, choice: Choice) -> None:
         """Add the panel at the current place of the GUI."""
-        self._conflicts = conflicts
+        self._decisions = decisions
         self._choice = choice
         self._pair: PairName | None = None  # the pair whose decision is in the fields
         self._known = (NEW, "")  # the decision that the person has seen: status and comment
@@ -45,8 +50,8 @@ class Deciding:
         def _(_) -> None:
             if self._pair is not None and self._agrees():
                 row = self._pairs.places.get(self._pair)
-                decision = decided(self._pairs, row, *self._typed)
-                conflicts.decide(self._pair, decision)
+                decision = decision_now(self._pairs, row, *self._typed)
+                decisions.decide(self._pair, decision)
                 self._known = self._typed
 
     def show(self, pairs: Pairs, scene: SceneInfo) -> None:
@@ -65,7 +70,7 @@ class Deciding:
             self._status.value, self._comment.value = self._known
             self._clash = ""
         row = pairs.places.get(pair)
-        problem = escape(self._conflicts.problem)
+        problem = escape(self._decisions.problem)
         self._folder.visible = pair is not None or bool(problem)
         self._note.content = (
             f'<div class="pm pm-small" id="pm-decided">{escape(self._line(decision, scene, row))}'
@@ -78,7 +83,7 @@ class Deciding:
         return self._status.value, self._comment.value
 
     def _decision(self, pair: PairName | None) -> Decision:
-        known = UNDECIDED if pair is None else self._conflicts.all.get(frozenset(pair))
+        known = UNDECIDED if pair is None else self._decisions.all.get(frozenset(pair))
         return known or UNDECIDED
 
     def _agrees(self) -> bool:
@@ -101,7 +106,7 @@ class Deciding:
         if row is not None:
             state, upper = kind_of(self._pairs, row), self._pairs.upper[row]
         when = self._choice.when
-        known = told(decision, state, upper, scene.unit, f"worse {when}") or NEW
+        known = decision_line(decision, state, upper, scene.unit, f"worse {when}") or NEW
         line = f"{' - '.join(self._pair)}: {known}"
         more = f", decided {decision.decided}" if decision.decided else ""
         if row is None:
@@ -109,6 +114,6 @@ class Deciding:
         elif self._choice.at_s is not None:
             then = clearance(self._pairs, row, scene.unit)
             more += f"; what you keep is about this moment: {then}"
-        if (path := self._conflicts.path) is not None:
-            more += f"; {'kept' if self._conflicts.is_written(self._pair) else 'not yet'} in {path}"
+        if (path := self._decisions.path) is not None:
+            more += f"; {'kept' if self._decisions.is_written(self._pair) else 'not yet'} in {path}"
         return f"{line}{more}"

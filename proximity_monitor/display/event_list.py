@@ -35,7 +35,7 @@ class EventList:
         """Add both at the current place of the GUI; the pressed event's picture comes between."""
         self._events = shared.events
         self._session = shared.session
-        self._conflicts = shared.conflicts
+        self._decisions = shared.decisions
         self._choice = choice
         self._due_s = 0.0
         self._newest: int | None = None  # first event on the page; None: always the newest
@@ -77,7 +77,7 @@ class EventList:
         self._newest, self._due_s = int(newest) if newest.isdecimal() else None, 0.0
 
     def _html(self, scene: SceneInfo) -> str:
-        choice, decisions, every = self._choice, self._conflicts.all, self._events.all
+        choice, decisions, every = self._choice, self._decisions.all, self._events.all
         listed = [
             event for event in every if admits(choice, event.pair, event.after.kind, decisions)
         ][::-1]

@@ -76,7 +76,7 @@ def radius_of(
     centres = {x: moved(pose, parts[x].centre / parts.scale)[:3] for x, pose in poses.items()}
     sizes = {x: np.linalg.norm(parts[x].high - parts[x].low) / 2.0 / parts.scale for x in group}
     away = {x: np.linalg.norm(centre - centres[name]) for x, centre in centres.items()}
-    return max(float(away[each] + SURELY * sizes[each] + parts[each].off) for each in group)
+    return max(float(away[each] + SURELY * sizes[each] + parts[each].deviation) for each in group)
 
 
 def reach(before: np.ndarray, after: np.ndarray, centre: np.ndarray, radius: float) -> float:

@@ -65,7 +65,7 @@ class Page:
         self._client = client
         self._server = shared.server
         self._session = shared.session
-        self._conflicts = shared.conflicts
+        self._decisions = shared.decisions
         self.hand = Hand(shared.holds, f"browser {client.client_id + 1}")
         self._choice = Choice()
         self._shown: Shown | None = None
@@ -181,12 +181,12 @@ class Page:
                 self._beat.show(news.frame, patience_s(scene) - (now_s - news.frame_at_s))
         if choice.at_s is not None:  # the reasons at that moment were not kept
             left = unlisted(frame.pairs, scene, None)
-        listed = (frame, scene, self._conflicts.all, replace(choice), left)
+        listed = (frame, scene, self._decisions.all, replace(choice), left)
         # Only a changed list delays the next update, so that a new tick is shown at once.
         if now_s >= self._table_due_s and listed != self._listed:
             self._listed = listed
             self._table.content = told = table(
-                frame.pairs, scene, choice, self._conflicts.all, left
+                frame.pairs, scene, choice, self._decisions.all, left
             )
             self._matrix.content = matrix(frame.pairs, scene, choice.pair)
             self._table_due_s = now_s + min(max(TABLE_S, CHARACTER_S * len(told)), LONGEST_S)
@@ -263,7 +263,7 @@ class Page:
     def _add_list(self, gui: viser.GuiApi) -> None:
         self._filters = Filters(gui, self._choice)
         self._inspect = Inspect(self._client, self._choice, self._look_again)
-        self._deciding = Deciding(gui, self._conflicts, self._choice)
+        self._deciding = Deciding(gui, self._decisions, self._choice)
         self._table = gui.add_html("")
         with gui.add_folder("Clash matrix", expand_by_default=False):
             self._matrix = gui.add_html("")

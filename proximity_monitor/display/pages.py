@@ -11,7 +11,7 @@ from typing import Any
 import viser
 
 from proximity_monitor.display import serving
-from proximity_monitor.display.conflicts import Conflicts
+from proximity_monitor.display.conflicts import DecisionStore
 from proximity_monitor.display.connection import connection
 from proximity_monitor.display.events import Events
 from proximity_monitor.display.holds import Holds
@@ -46,8 +46,8 @@ class Pages:
             node.set_parameters_of_player,
             node.reset_minima_of_monitor,
         )
-        conflicts = Conflicts(node.conflicts)
-        self._shared = Shared(server, holds, Session(), Events(), conflicts, Tried(), *asks)
+        decisions = DecisionStore(node.conflicts)
+        self._shared = Shared(server, holds, Session(), Events(), decisions, Tried(), *asks)
         self._inbox = inbox
         self._log = node.get_logger().error
         self._logged: str | None = None
@@ -98,10 +98,10 @@ class Pages:
                 shared.events.clear()
             shared.session.add(frame, keep=shared.events.note(frame, news.scene))
         shared.tried.note(news.scene, news.frame, news.health)
-        shared.conflicts.follow(news.scene, time.monotonic())
-        if shared.conflicts.problem not in ("", self._problem):
-            self._log(shared.conflicts.problem)
-        self._problem = shared.conflicts.problem
+        shared.decisions.follow(news.scene, time.monotonic())
+        if shared.decisions.problem not in ("", self._problem):
+            self._log(shared.decisions.problem)
+        self._problem = shared.decisions.problem
 
     def _meet(self) -> None:
         """Give each new browser a page, and release what a browser that is gone has held."""

@@ -66,7 +66,7 @@ class PartView:
         self.movable = body.topic is not None
         self.pose = IDENTITY if part.pose is None else part.pose
         self.point = body.point
-        self.solid, self.off = part.solid, part.off
+        self.solid, self.deviation = part.solid, part.deviation
         self.colour = tuple(round(255 * c) for c in part.colour[:3])
         self.shape = 0
         """A number that changes with each change of shape or of coats."""
@@ -152,7 +152,7 @@ class PartView:
         """Take another shape. Its edges are removed, because finding them again takes too long."""
         self.stand()
         self._reshaped = True
-        before, self.solid, self.off = self.whole, part.solid, part.off
+        before, self.solid, self.deviation = self.whole, part.solid, part.deviation
         self.whole = whole = shape_of(part, scale, before, detailed=False)
         if self.levels or whole.flat != before.flat:  # the mesh does not fit the new shape
             shown, self.levels = self.mesh.visible, ()

@@ -186,7 +186,7 @@ class Part:
         corners: np.ndarray,
         normals: np.ndarray | None = None,
         solid: bool = True,
-        off: float = 0.0,
+        deviation: float = 0.0,
     ) -> None:
         """Keep the values.
 
@@ -196,14 +196,14 @@ class Part:
             corners: (3n, 3) of the triangles, metres.
             normals: (3n, 3) unit normals of the surface there; None: all triangles are flat.
             solid: whether the body has an inside; it has no meaning for points and lines.
-            off: metres; how far the triangles are at most from the body; inf: not known.
+            deviation: metres; how far the triangles are at most from the body; inf: not known.
         """
         self.pose = pose
         self.colour = colour
         self.corners = corners
         self.normals = normals
         self.solid = solid
-        self.off = off
+        self.deviation = deviation
 
     def looks_like(self, other: Part) -> bool:
         """Return whether both have the same triangles and normals."""
@@ -252,7 +252,10 @@ def _part(reader: Reader) -> Part:
     reader.byte()  # mesh_use_embedded_materials
     try:
         of = json.loads(told_of)
-        solid, off = bool(of["solid"]), math.inf if of["off_m"] is None else float(of["off_m"])
+        solid, deviation = (
+            bool(of["solid"]),
+            math.inf if of["off_m"] is None else float(of["off_m"]),
+        )
     except (TypeError, KeyError, ValueError) as error:
         raise ValueError(f"~/parts does not tell of a body what is read here: {error}") from error
-    return Part(pose if added else None, colour, corners, normals, solid, off)
+    return Part(pose if added else None, colour, corners, normals, solid, deviation)

@@ -51,7 +51,7 @@ class ReportFiles:
 
     def _found(self, shown: Shown) -> list[Conflict]:
         shared = self._shared
-        about = shared.session, shared.events, shared.conflicts.all
+        about = shared.session, shared.events, shared.decisions.all
         return conflicts(find(shown.scene, *about), *about)
 
     def _report(self, shown: Shown, _: viser.ClientHandle) -> bytes:

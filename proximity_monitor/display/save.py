@@ -41,7 +41,7 @@ class Save:
         """
         self._session = shared.session
         self._events = shared.events
-        self._conflicts = shared.conflicts
+        self._decisions = shared.decisions
         self._choice = choice
         self._shown = shown
         self._hide_gizmo = hide_gizmo
@@ -65,14 +65,14 @@ class Save:
         replay.on_click(sender(self._shown, "html", self._replay))
 
     def _table(self, shown: Shown, _: viser.ClientHandle) -> bytes:
-        decisions = self._conflicts.all
+        decisions = self._decisions.all
         return pairs_csv(shown.frame, shown.scene, self._session, decisions).encode()
 
     def _series(self, shown: Shown, _: viser.ClientHandle) -> bytes:
         return series_csv(self._session, shown.scene).encode()
 
     def _changes(self, shown: Shown, _: viser.ClientHandle) -> bytes:
-        decisions = self._conflicts.all
+        decisions = self._decisions.all
         return events_csv(self._events, self._session, shown.scene, decisions).encode()
 
     def _picture(self, _: Shown, client: viser.ClientHandle) -> bytes:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import viser
 
-from proximity_monitor.display.conflicts import Conflicts
+from proximity_monitor.display.conflicts import DecisionStore
 from proximity_monitor.display.events import Events
 from proximity_monitor.display.holds import Holds
 from proximity_monitor.display.received import Part
@@ -36,7 +36,7 @@ class Shared:
     holds: Holds
     session: Session
     events: Events
-    conflicts: Conflicts
+    decisions: DecisionStore
     tried: Tried
     ask: Callable[[Mapping[str, float | str]], None]
     """Sends parameters to the monitor."""

@@ -25,7 +25,7 @@ class Tried:
         self._scene: SceneInfo | None = None
         self._costs: dict[str, str] = {}
         self._heard: Health | None = None
-        self._setting, self._seconds = "", 0  # in force, and how many messages came since then
+        self._setting, self._messages = "", 0  # in force, and how many messages came since then
 
     def note(self, scene: SceneInfo, frame: Frame, health: Health | None) -> None:
         """Note the cost of the settings in force. Another scene begins a new table."""
@@ -37,12 +37,12 @@ class Tried:
             return
         what = _named(scene.settings, scene.unit.symbol, scene.unit.to_metre)
         if what != self._setting:
-            self._setting, self._seconds = what, 0
+            self._setting, self._messages = what, 0
         if health is not self._heard:
             self._heard = health
-            self._seconds += 1
+            self._messages += 1
         p50, p99 = (health.number(f"search_p{share}_ms") for share in (50, 99))
-        if self._seconds < SETTLED or math.isnan(p50):
+        if self._messages < SETTLED or math.isnan(p50):
             return
         pairs = frame.pairs
         gaps = (pairs.upper - pairs.lower)[np.isfinite(pairs.upper)]

@@ -140,7 +140,7 @@ class Health:
         tick, count = state.tick, Counter(state.levels.values())
         pairs = as_arrays(tick.pairs if tick is not None else ())
         if tick is not None:  # the levels include some of the pairs that are not listed
-            count[Level.STALE] = int(pairs.unsure.sum()) + tick.unsure
+            count[Level.STALE] = int(pairs.stale.sum()) + tick.unsure
             urgent = count[Level.STOP] + count[Level.WARN] + count[Level.STALE]
             count[Level.CLEAR] = len(pairs) + tick.far + tick.unsure - urgent
         level, worst = DiagnosticStatus.OK, "all pairs clear"

@@ -214,7 +214,7 @@ class Session:
             silent,
             self._where.stamp_ns,
         )
-        self._outputs.publish_scene(self._where.attachments.held, self._where.joined)
+        self._outputs.publish_scene(self._where.attachments.held, self._where.attached_pairs)
         self._outputs.publish_poses(samples, stamp)
         self._outputs.publish_parts(samples, started)
         self._recording.add(now.nanoseconds, tick, changes)

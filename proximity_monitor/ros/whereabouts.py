@@ -21,7 +21,7 @@ class Whereabouts:
 
     unwatched: Mapping[int, str]
     """Why pairs are not watched now, by index."""
-    joined: tuple[int, ...]
+    attached_pairs: tuple[int, ...]
     """The indices of unwatched pairs whose bodies are attached to each other, in order."""
 
     def __init__(
@@ -43,7 +43,7 @@ class Whereabouts:
         """
         self.attachments = Attachments(scene.bodies)
         self.clock = StillClock(node.get_clock())
-        self.unwatched, self.joined = {}, ()
+        self.unwatched, self.attached_pairs = {}, ()
         self._unwatched_for = {}, frozenset()
         self._log = node.get_logger()
         self._pairs = scene.pairs
@@ -79,7 +79,7 @@ class Whereabouts:
         """Attach bodies to these parents, each from the moment when both poses are known."""
         before, carried = self.attachments.held, self.samples(now_ns)
         roots = {child: self.attachments.root(child) for child in before}
-        self.attachments.want(parents)
+        self.attachments.attach(parents)
         for child in before.keys() - self.attachments.held.keys():
             if (at := carried[child]) is not None:  # it stays where it was carried to
                 stamp_ns = self._inputs.stamp_ns(roots[child])
@@ -133,9 +133,9 @@ class Whereabouts:
                 nothing = absent & {name, names[other]}
                 unwatched[i] = f"nothing is seen of {' and '.join(sorted(nothing))}"
         couples = ((child, np.array([self._at[parent]])) for child, parent in held.items())
-        joined = [i for couple in couples for i, _ in self._pairs_of(*couple)]
-        unwatched.update(dict.fromkeys(joined, "attached to each other: not watched"))
-        self.unwatched, self.joined = unwatched, tuple(sorted(joined))
+        attached_pairs = [i for couple in couples for i, _ in self._pairs_of(*couple)]
+        unwatched.update(dict.fromkeys(attached_pairs, "attached to each other: not watched"))
+        self.unwatched, self.attached_pairs = unwatched, tuple(sorted(attached_pairs))
         self._ignore(unwatched)
 
     def _pairs_of(self, name: str, others: np.ndarray) -> Iterator[tuple[int, int]]:

@@ -164,7 +164,7 @@ class Alerts:
 
     def _as_silent(self, pairs: PairStates) -> np.ndarray:
         """Return which pairs (k,) were silent before and still are."""
-        still = pairs.unsure
+        still = pairs.stale
         if self._unlisted is not Level.STALE:
             stale = [i for i, level in self._unclear.items() if level is Level.STALE]
             still &= np.isin(pairs.positions, stale)
@@ -179,7 +179,7 @@ class Alerts:
             self._warn = np.array([limits.warn for limits in thresholds])
         if self._unlisted is not Level.CLEAR:
             return np.flatnonzero(among).tolist()  # the first tick reports every change
-        suspect = ~(pairs.lower > self._warn[pairs.positions]) | pairs.unsure
+        suspect = ~(pairs.lower > self._warn[pairs.positions]) | pairs.stale
         suspect |= pairs.status == _INTERSECTING
         if self._unclear:
             suspect |= np.isin(pairs.positions, list(self._unclear))

@@ -85,7 +85,7 @@ class Attachments:
                     break  # a circle that this child only leads to; its members report it
         return ""
 
-    def want(self, parents: Mapping[str, str]) -> None:
+    def attach(self, parents: Mapping[str, str]) -> None:
         """Attach children to these parents from now on.
 
         A child that had the same parent before stays where it is. A body that `parents` does not

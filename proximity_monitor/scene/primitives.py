@@ -98,7 +98,7 @@ def _shape(primitive: Primitive, scale: float, **how: Any) -> engine.Model:
         case Compound(parts):
             parts, off = _with_capsules(parts)
             how["deviation"] = how.get("deviation", 0.0) + off * scale
-            return shapes.compound([_part(part, scale) for part in _joined(parts, how)], **how)
+            return shapes.compound([_part(part, scale) for part in _joinable(parts, how)], **how)
 
 
 def _needs_mesh(how: dict[str, Any]) -> bool:
@@ -146,7 +146,7 @@ def _balls_at_ends(part: Part, parts: Sequence[Part]) -> list[tuple[Part, float]
     return found
 
 
-def _joined(parts: Sequence[Part], how: dict[str, Any]) -> Sequence[Part]:
+def _joinable(parts: Sequence[Part], how: dict[str, Any]) -> Sequence[Part]:
     """Return parts that can make one model: a cylinder beside other parts becomes a prism."""
     if len(parts) == 1 and not _needs_mesh(how):
         return parts

@@ -58,7 +58,7 @@ class Recording:
         """Keep the summary of a tick, and its alerts."""
         pairs, nearest = as_arrays(tick.pairs), None
         if len(pairs):
-            nearest = np.argmin(np.where(pairs.unsure, -np.inf, pairs.lower))
+            nearest = np.argmin(np.where(pairs.stale, -np.inf, pairs.lower))
         self._ring[self._count % len(self._ring)] = (
             stamp_ns,
             tick.clearance(),

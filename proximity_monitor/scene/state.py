@@ -216,14 +216,14 @@ class PairStates(LazySequence[PairState]):
             )
 
     @property
-    def unsure(self) -> np.ndarray:
+    def stale(self) -> np.ndarray:
         """(k,) whether either body's pose or shape is stale or unknown."""
         return self.silent[:, 0] | self.silent[:, 1]  # `any` takes ten times as long
 
     def clearance(self) -> float:
         """Return what `Tick.clearance` returns, but for the listed pairs alone."""
         # A silent pair's bound counts as at most 0, and as 0 if it is NaN (a pose is unknown).
-        lowest = np.where(self.unsure, np.fmin(self.lower, 0.0), self.lower)
+        lowest = np.where(self.stale, np.fmin(self.lower, 0.0), self.lower)
         return float(lowest.min(initial=np.inf))
 
 

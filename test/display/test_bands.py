@@ -126,11 +126,13 @@ def drawn(model, tolerance):
     """A body as the page gets it."""
     shown = model.display_mesh(tolerance)
     corners = shown.corners().reshape(-1, 3)
-    return Part(HERE, np.ones(4), corners, solid=model.is_solid, off=shown.off)
+    return Part(HERE, np.ones(4), corners, solid=model.is_solid, deviation=shown.off)
 
 
 def other(part, *place, limits=LIMITS):
-    return Other(model_of(part, False), matrix(np.array([*place, 1, 0, 0, 0])), limits, part.off)
+    return Other(
+        model_of(part, False), matrix(np.array([*place, 1, 0, 0, 0])), limits, part.deviation
+    )
 
 
 def test_deep_inside_a_curved_solid_is_below_stop_though_its_triangles_do_not_close():
@@ -144,7 +146,7 @@ def test_deep_inside_a_curved_solid_is_below_stop_though_its_triangles_do_not_cl
     )
     found = bands(tiny, [other(part, 0, 0, 0)], budget_s=60.0)
     assert (found.band == BELOW_STOP).all()
-    assert found.off_m == found.sampled_m == 0.0
+    assert found.deviation_m == found.sampled_m == 0.0
 
 
 def test_what_is_no_solid_is_clear_inside():
@@ -158,22 +160,22 @@ def test_what_is_no_solid_is_clear_inside():
 @pytest.mark.parametrize("own", [0.0, 0.02])
 def test_no_band_is_certain_that_depends_on_how_far_what_is_drawn_is_off(own):
     square = drawn(engine.TriangleMesh(PLATE.reshape(-1, 3), np.arange(6).reshape(2, 3)), 0.0)
-    for gap, off, certain in ((0.2, 0.05, True), (0.11, 0.05, False), (0.29, 0.05, False)):
-        square.off = off - own
+    for gap, deviation, certain in ((0.2, 0.05, True), (0.11, 0.05, False), (0.29, 0.05, False)):
+        square.deviation = deviation - own
         there = Other(
             engine.shapes.triangles(
-                PLATE.reshape(-1, 3), np.arange(6).reshape(2, 3), deviation=square.off
+                PLATE.reshape(-1, 3), np.arange(6).reshape(2, 3), deviation=square.deviation
             ),
             matrix(np.array([0, 0, gap, 1, 0, 0, 0])),
             LIMITS,
-            square.off,
+            square.deviation,
         )
-        found = bands(PLATE, [there], budget_s=60.0, off=own)
+        found = bands(PLATE, [there], budget_s=60.0, deviation=own)
         assert (found.band == BELOW_WARN).all()  # of what is drawn
-        assert found.off_m == (0.0 if certain else pytest.approx(off))
-    square.off = np.inf
+        assert found.deviation_m == (0.0 if certain else pytest.approx(deviation))
+    square.deviation = np.inf
     unknown = Other(model_of(square, False), np.eye(4), LIMITS, np.inf)
-    assert bands(PLATE, [unknown], budget_s=60.0).off_m == np.inf
+    assert bands(PLATE, [unknown], budget_s=60.0).deviation_m == np.inf
 
 
 def test_what_bands_depend_on_is_looked_up_once_a_tick_and_only_near_the_part(monkeypatch):
@@ -208,9 +210,9 @@ def test_bands_that_time_has_cut_are_made_again_with_more_of_it(monkeypatch):
     """Else they stayed as coarse as a busy machine had made them, for as long as all rests."""
     given, make = [], bands_of.bands
 
-    def made(corners, others, budget_s, off):
+    def made(corners, others, budget_s, deviation):
         given.append(budget_s)
-        return make(corners, others, 60.0 if len(given) > 3 else 0.0, off)
+        return make(corners, others, 60.0 if len(given) > 3 else 0.0, deviation)
 
     monkeypatch.setattr(bands_of, "bands", made)
     told, (scene, _) = ticks.frame(1.0, [0.2], names=(("a", "b"),)), ticks.scene_and_frame()

@@ -12,7 +12,7 @@ pytest.importorskip("viser", reason="viser is not installed: pip install '.[disp
 from page_alone import NAMES, SCENE, frame, words
 
 from proximity_monitor.display.choice import Choice
-from proximity_monitor.display.conflicts import LOOK_S, Conflicts, decided, told
+from proximity_monitor.display.conflicts import LOOK_S, DecisionStore, decision_line, decision_now
 from proximity_monitor.display.decisions import Decision, place
 from proximity_monitor.display.decisions import alone as alone_in
 from proximity_monitor.display.listing import listing
@@ -37,7 +37,7 @@ def beside(tmp_path):
 
 
 def following(scene, now_s=0.0):
-    made = Conflicts()
+    made = DecisionStore()
     made.follow(scene, now_s)
     return made
 
@@ -109,7 +109,7 @@ def test_a_file_that_cannot_be_read_is_named_and_left_and_nothing_is_lost(scene,
 def test_a_file_that_cannot_be_written_is_named_and_nothing_is_lost(scene, tmp_path):
     folder = tmp_path / "no_folder"
     folder.write_text("")  # so nobody can write below it, not even root
-    one = Conflicts(str(folder / "file.json"))
+    one = DecisionStore(str(folder / "file.json"))
     one.follow(scene, 0.0)
     one.decide(PAIR, FITS)
     one.follow(scene, 0.0)
@@ -134,7 +134,7 @@ def test_a_scene_without_a_place_leaves_the_file_of_the_one_before_alone(scene, 
     one.follow(there, 2.0)
     assert (one.path, beside.exists()) == (None, False)
     assert str(circle) in one.problem and "conflicts:=FILE" in one.problem
-    nobody = Conflicts("~nobody_at_all/x.json")
+    nobody = DecisionStore("~nobody_at_all/x.json")
     nobody.follow(scene, 0.0)
     assert "~nobody_at_all/x.json" in nobody.problem
 
@@ -195,14 +195,14 @@ def test_a_scene_of_another_machine_has_no_place_but_that_which_is_given(tmp_pat
 
 def test_a_pair_that_got_worse_since_it_was_accepted_says_so():
     pairs = frame(0.0, 0.05, WARN).pairs
-    as_warn = decided(pairs, 0, "accepted", "")
+    as_warn = decision_now(pairs, 0, "accepted", "")
     assert (as_warn.state, as_warn.upper) == ("warn", 0.05)
-    assert told(as_warn, "warn", 0.05, SCENE.unit) == "accepted at 50.000 mm"
-    assert "worse now" in told(as_warn, "stop", 0.01, SCENE.unit)
-    assert "worse" not in told(as_warn, "stale", 0.05, SCENE.unit)
-    assert "worse" not in told(as_warn._replace(status="new"), "stop", 0.01, SCENE.unit)
+    assert decision_line(as_warn, "warn", 0.05, SCENE.unit) == "accepted at 50.000 mm"
+    assert "worse now" in decision_line(as_warn, "stop", 0.01, SCENE.unit)
+    assert "worse" not in decision_line(as_warn, "stale", 0.05, SCENE.unit)
+    assert "worse" not in decision_line(as_warn._replace(status="new"), "stop", 0.01, SCENE.unit)
     pairs.lower[:] = pairs.upper[:] = np.nan
-    assert decided(pairs, 0, "ignored", "").upper is None
+    assert decision_now(pairs, 0, "ignored", "").upper is None
 
 
 def test_an_overlap_is_worse_than_a_touch_and_so_is_a_much_deeper_one():
@@ -216,7 +216,7 @@ def test_an_overlap_is_worse_than_a_touch_and_so_is_a_much_deeper_one():
     assert not deep.outgrown("contact", np.nan)
     for unknown in (touch._replace(upper=None), deep._replace(lower=None)):
         assert not unknown.outgrown("contact", -1.0)
-    assert "worse now" in told(touch, "contact", -1e-4, SCENE.unit)
+    assert "worse now" in decision_line(touch, "contact", -1e-4, SCENE.unit)
     pairs = frame(0.0, -1e-4, STOP).pairs
     pairs.status[:] = OVERLAPPING
     touching = {frozenset(NAMES): touch}
@@ -260,7 +260,7 @@ def test_what_is_told_of_a_moment_that_is_over_is_not_called_now(alone):
     arrays = ("lower", "upper", "points", "status", "level", "age_s", "stamp_s")
     taken = {name: getattr(row.pairs, name)[none] for name in arrays}
     alone.tell(frame=replace(row, pairs=replace(row.pairs, names=(), silent=(), **taken)))
-    alone.pages._shared.conflicts.decide(NAMES, Decision("ignored", "", "warn", 0.05, 0.05))
+    alone.pages._shared.decisions.decide(NAMES, Decision("ignored", "", "warn", 0.05, 0.05))
     for stamp_s in (2.0, 3.0):
         alone.tell(frame=frame(stamp_s, 0.01, STOP))
     alone.choice.pair, note = NAMES, alone.all._deciding._note
@@ -281,21 +281,21 @@ def press(panel):
 
 
 def test_what_another_browser_decided_is_not_overwritten_unseen(alone):
-    panel, conflicts = alone.all._deciding, alone.pages._shared.conflicts
+    panel, decisions = alone.all._deciding, alone.pages._shared.decisions
     alone.choice.pair = NAMES
     alone.tell(frame=frame(1.0))
-    conflicts.decide(NAMES, FITS)
+    decisions.decide(NAMES, FITS)
     alone.tell(frame=frame(2.0))
     assert (panel._status.value, panel._comment.value) == FITS[:2], "nobody touched them"
     panel._comment.value = "no, it does not fit"
-    conflicts.decide(NAMES, FITS._replace(status="ignored"))
+    decisions.decide(NAMES, FITS._replace(status="ignored"))
     alone.tell(frame=frame(3.0))
     assert panel._comment.value == "no, it does not fit"
     press(panel)
     alone.tell(frame=frame(4.0))
     assert "somebody else has decided ignored: a press fit" in words(panel._note)
-    assert conflicts.all[frozenset(NAMES)].comment == FITS.comment
+    assert decisions.all[frozenset(NAMES)].comment == FITS.comment
     press(panel)
     alone.tell(frame=frame(5.0))
     assert "somebody else" not in words(panel._note)
-    assert conflicts.all[frozenset(NAMES)][:2] == ("accepted", "no, it does not fit")
+    assert decisions.all[frozenset(NAMES)][:2] == ("accepted", "no, it does not fit")

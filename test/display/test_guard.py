@@ -102,7 +102,7 @@ def test_what_a_part_carries_counts_as_the_part_itself():
     assert slack({"a", "b"}, frame, scene, AT_STOP) == pytest.approx(0.27)
     poses = np.array([[0, 0, 0, 1, 0, 0, 0], [3, 0, 0, 1, 0, 0, 0], [0, 0, 0, 1, 0, 0, 0.0]])
     corner = np.ones(3)
-    view = SimpleNamespace(low=-corner, high=corner, centre=np.zeros(3), off=0.25)
+    view = SimpleNamespace(low=-corner, high=corner, centre=np.zeros(3), deviation=0.25)
     parts = Views(dict.fromkeys("abc", view))
     frame = replace(frame, poses=poses)
     half = SURELY * np.sqrt(3.0) + 0.25

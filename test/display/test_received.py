@@ -357,7 +357,7 @@ def test_parts_are_read_as_rclpy_writes_them():
     parts = read_parts(serialize_message(MarkerArray(markers=markers)))
     assert [len(part.corners) for part in parts] == [3, 6, 0, 9, 3]
     assert [part.solid for part in parts] == [False, True, False, False, False]
-    assert [part.off for part in parts] == [np.inf, 0.25, np.inf, np.inf, np.inf]
+    assert [part.deviation for part in parts] == [np.inf, 0.25, np.inf, np.inf, np.inf]
     assert [part.pose is None for part in parts] == [False, False, True, False, True]
     np.testing.assert_array_equal(parts[3].corners[-1], [3.0, 8.0, 0.5])
     np.testing.assert_array_equal(parts[1].pose, [1.5, 0, 0, 1, 0, 0, 0])

@@ -204,7 +204,7 @@ def test_normals_of_curved_bodies_are_in_the_parts_and_read_by_the_page(order):
     told = read_parts(PartsMessage(bodies, models, "world").serialised())
     for part, model in zip(told, models.values(), strict=True):
         shown = model.display_mesh(ROUNDNESS * model.radius)
-        assert (part.solid, part.off) == (model.is_solid, shown.off + model.deviation)
+        assert (part.solid, part.deviation) == (model.is_solid, shown.off + model.deviation)
         np.testing.assert_array_equal(part.corners, shown.corners().reshape(-1, 3))
         normals = shown.corner_normals()
         if normals is None:

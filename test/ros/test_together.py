@@ -128,10 +128,10 @@ def test_poses_that_are_apart_for_all_that_is_known_are_told(cell, before_ms, ti
 
 def test_only_a_body_and_what_holds_it_are_not_watched_against_each_other(cell):
     cell.where.attach({"cup": "hand", "lid": "cup"}, 300 * MS)
-    assert (cell.where.attachments.held, cell.where.joined) == ({}, ()), "all wait"
+    assert (cell.where.attachments.held, cell.where.attached_pairs) == ({}, ()), "all wait"
     for name in ("hand", "cup", "lid"):
         cell.tell(name, 290, 0.0)
     cell.where.samples(300 * MS)
     assert cell.where.attachments.held == {"cup": "hand", "lid": "cup"}
-    assert cell.where.joined == (0, 2), "and not hand - lid"
+    assert cell.where.attached_pairs == (0, 2), "and not hand - lid"
     assert cell.where.unwatched.keys() == {0, 2}

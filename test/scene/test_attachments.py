@@ -48,7 +48,7 @@ def test_a_link_of_a_robot_is_not_torn_from_it():
 def test_a_child_keeps_its_place_on_the_parent_from_the_moment_of_attaching(four):
     hand, cup, later, ignored = four
     attachments = Attachments(BODIES)
-    attachments.want({"cup": "hand"})
+    attachments.attach({"cup": "hand"})
     first = attachments.carry(at(hand=hand, cup=cup))
     np.testing.assert_allclose(first["cup"].pose, cup, atol=1e-14)
     carried = attachments.carry(at(hand=later, cup=ignored))["cup"].pose
@@ -58,7 +58,7 @@ def test_a_child_keeps_its_place_on_the_parent_from_the_moment_of_attaching(four
 def test_a_chain_is_carried_as_one_in_whatever_order_it_was_made():
     for order in ({"spoon": "cup", "cup": "hand"}, {"cup": "hand", "spoon": "cup"}):
         attachments = Attachments(BODIES)
-        attachments.want(order)
+        attachments.attach(order)
         attachments.carry(at(hand=(0, 0, 0), cup=(1, 0, 0), spoon=(1, 1, 0)))
         carried = attachments.carry(at(hand=(0, 0, 5), cup=(9, 9, 9), spoon=(9, 9, 9)))
         assert carried["spoon"].pose[:3, 3].tolist() == [1, 1, 5]
@@ -73,20 +73,20 @@ def test_the_place_of_a_child_is_that_of_one_moment_and_asked_for_once():
         return tuple(pose_matrix(then[name], (0, 0, 0, 1)) for name in names)
 
     attachments = Attachments(BODIES)
-    attachments.want({"cup": "hand", "spoon": "cup"})
+    attachments.attach({"cup": "hand", "spoon": "cup"})
     for _ in range(2):
         now = attachments.carry(at(hand=(5, 0, 0), cup=(0, 0, 0), spoon=(0, 0, 0)), together)
         assert now["cup"].pose[:3, 3].tolist() == [7, 0, 0]
         assert now["spoon"].pose[:3, 3].tolist() == [7, 3, 0]
     assert asked == [("hand", "cup"), ("hand", "spoon")]
-    attachments.want({"cup": "table"})
+    attachments.attach({"cup": "table"})
     attachments.carry(at(cup=(1, 2, 4)), together)
     assert len(asked) == 2, "a fixed body is always where it is"
 
 
 def test_a_fixed_body_carries_and_is_never_stale():
     attachments = Attachments(BODIES)
-    attachments.want({"cup": "table"})
+    attachments.attach({"cup": "table"})
     attachments.carry(at(cup=(1, 2, 4)))
     carried = attachments.carry({"hand": None, "cup": PoseSample(np.eye(4), True), "spoon": None})
     assert not carried["cup"].stale
@@ -95,7 +95,7 @@ def test_a_fixed_body_carries_and_is_never_stale():
 
 def test_a_child_is_as_stale_and_as_unknown_as_its_parent():
     attachments = Attachments(BODIES)
-    attachments.want({"cup": "hand", "spoon": "cup"})
+    attachments.attach({"cup": "hand", "spoon": "cup"})
     attachments.carry(at(hand=(0, 0, 0), cup=(1, 0, 0), spoon=(2, 0, 0)))
     late = at(cup=(1, 0, 0), spoon=(2, 0, 0)) | {"hand": PoseSample(np.eye(4), stale=True)}
     assert attachments.carry(late)["spoon"].stale
@@ -104,7 +104,7 @@ def test_a_child_is_as_stale_and_as_unknown_as_its_parent():
 
 def test_it_waits_until_both_poses_are_known_and_fresh():
     attachments = Attachments(BODIES)
-    attachments.want({"cup": "hand"})
+    attachments.attach({"cup": "hand"})
     attachments.carry(at(cup=(1, 0, 0)))
     stale = at(cup=(1, 0, 0)) | {"hand": PoseSample(np.eye(4), stale=True)}
     assert attachments.carry(stale)["cup"].pose[:3, 3].tolist() == [1, 0, 0]
@@ -115,9 +115,9 @@ def test_it_waits_until_both_poses_are_known_and_fresh():
 
 def test_a_detached_child_moves_by_itself_again_and_others_stay_where_they_are():
     attachments = Attachments(BODIES)
-    attachments.want({"cup": "hand", "spoon": "hand"})
+    attachments.attach({"cup": "hand", "spoon": "hand"})
     attachments.carry(at(hand=(0, 0, 0), cup=(1, 0, 0), spoon=(2, 0, 0)))
-    attachments.want({"spoon": "hand"})
+    attachments.attach({"spoon": "hand"})
     carried = attachments.carry(at(hand=(0, 0, 1), cup=(7, 0, 0), spoon=(8, 0, 0)))
     assert carried["cup"].pose[:3, 3].tolist() == [7, 0, 0]
     assert carried["spoon"].pose[:3, 3].tolist() == [2, 0, 1]
@@ -125,7 +125,7 @@ def test_a_detached_child_moves_by_itself_again_and_others_stay_where_they_are()
 
 def test_the_same_parents_pose_gives_the_very_same_array():
     attachments = Attachments(BODIES)
-    attachments.want({"cup": "hand"})
+    attachments.attach({"cup": "hand"})
     samples = at(hand=(0.1, 0.2, 0.3), cup=(1, 0, 0))
     first = attachments.carry(samples)["cup"].pose
     assert attachments.carry(samples)["cup"].pose is first
@@ -144,11 +144,11 @@ def test_the_same_parents_pose_gives_the_very_same_array():
 )
 def test_what_cannot_be_is_refused_and_changes_nothing(parents, told):
     attachments = Attachments(BODIES)
-    attachments.want({"cup": "hand"})
+    attachments.attach({"cup": "hand"})
     attachments.carry(at(hand=(0, 0, 0), cup=(1, 0, 0)))
     assert told in attachments.refusal(parents)
     with pytest.raises(ValueError, match=re.escape(told)):
-        attachments.want(parents)
+        attachments.attach(parents)
     assert dict(attachments.held) == {"cup": "hand"}
     assert attachments.refusal({"cup": "hand", "spoon": "table"}) == ""
 
@@ -158,14 +158,14 @@ def test_a_chain_of_poses_that_are_just_allowed_stays_allowed():
     skewed[0, 1] = 0.9e-6
     bodies = [body(f"b{i}") for i in range(20)]
     attachments = Attachments(bodies)
-    attachments.want({f"b{i + 1}": f"b{i}" for i in range(19)})
+    attachments.attach({f"b{i + 1}": f"b{i}" for i in range(19)})
     carried = attachments.carry({each.name: PoseSample(skewed) for each in bodies})
     check_pose(carried["b19"].pose)
 
 
 def test_a_childs_course_is_that_of_its_root():
     attachments = Attachments(BODIES)
-    attachments.want({"cup": "hand", "spoon": "cup"})
+    attachments.attach({"cup": "hand", "spoon": "cup"})
     attachments.carry(at(hand=(0, 0, 0), cup=(1, 0, 0), spoon=(1, 1, 0)))
     turn = pose_matrix((0, 0, 0), (0, 0, np.sqrt(0.5), np.sqrt(0.5)))
     course = attachments.course("spoon", Course(np.eye(4), turn, 0.5))
