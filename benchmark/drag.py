@@ -124,7 +124,7 @@ def _messages(data: bytes) -> Iterator[dict[str, Any]]:
     yield from msgspec.msgpack.decode(told)["messages"]
 
 
-def took(hand: Hand, steps: int) -> list[float]:
+def drag_times(hand: Hand, steps: int) -> list[float]:
     """Move in steps, and return the times (ms) until the number changes; infinite if lost."""
     rng, found = random.Random(2), []
     for i in range(steps):
@@ -163,9 +163,10 @@ def main() -> int:
                 max_size=None, compression=None, ping_timeout=None,
             ) as socket:  # fmt: skip
                 hand = Hand(socket)
-                took(hand, 4)  # not counted: the drag begins, and the player releases the part
+                # Not counted: the drag begins, and the player releases the part.
+                drag_times(hand, 4)
                 used, began = [child.seconds() for child in children], time.monotonic()
-                times = took(hand, chosen.steps)
+                times = drag_times(hand, chosen.steps)
                 lasted = time.monotonic() - began
                 share = [c.seconds() - u for c, u in zip(children, used, strict=True)]
         finally:

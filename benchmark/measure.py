@@ -112,7 +112,7 @@ def measure(
 
     starts = np.arange(0, len(scene.tracks[0].poses_a), scene.block)
     if quick:
-        starts = starts[np.linspace(0, len(starts) - 1, scene.quick + 2).astype(int)[1:-1]]
+        starts = starts[np.linspace(0, len(starts) - 1, scene.quick_blocks + 2).astype(int)[1:-1]]
     seconds: dict[str, list[NDArray[np.float64]]] = {e.name: [] for e in entrants}
     bounds: dict[str, list[Bounds]] = {e.name: [] for e in entrants}
     for turn, start in enumerate(starts):

@@ -81,7 +81,7 @@ def panda(urdf: Path, folder: Path, suffix: str) -> StudyScene:
     for i, a in enumerate(PANDA_LINKS):
         for b in PANDA_LINKS[i + 2 :]:
             tracks.append(Track(a, b, poses[f"panda_{a}"], poses[f"panda_{b}"]))
-    return StudyScene(meshes, tracks, quick=2)
+    return StudyScene(meshes, tracks, quick_blocks=2)
 
 
 def _origin(xyz: str, rpy: str) -> NDArray[np.float64]:

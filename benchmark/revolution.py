@@ -170,14 +170,14 @@ def main(arguments: list[str] | None = None) -> int:
     gc.disable()  # a collection over numba's objects takes as long as thousands of questions
     made = solids()
     sizes, built = _sizes(made, precisions, options.finest)
-    distances, bars, wrong = _distances(made, precisions, randoms, frames, options.finest)
+    distances, bars, in_distances = _distances(made, precisions, randoms, frames, options.finest)
     morphs, morphed = morphing(made, precisions, 20 if options.quick else 1000)
     deformed = deforming(made, 20 if options.quick else 200)
-    exact, contradicted = _exact(made, 10 if options.quick else 60)
-    tori, off = _tori(10 if options.quick else 60)
+    exact, in_exact = _exact(made, 10 if options.quick else 60)
+    tori, in_tori = _tori(10 if options.quick else 60)
     rough = {k: engine.TriangleMesh(*tessellated(v, 1e-3, 10**6)[:2]) for k, v in made.items()}
-    deep, unlike = depths(made, rough, 1e-3, 4 if options.quick else 20)
-    fitted, unfit = fits(4 if options.quick else 20)
+    deep, in_depths = depths(made, rough, 1e-3, 4 if options.quick else 20)
+    fitted, in_fits = fits(4 if options.quick else 20)
     command = " ".join(["python benchmark/revolution.py", *(arguments or sys.argv[1:])])
     page = write_page(
         options.out, command, frames, (built, bars, morphed),
@@ -186,9 +186,9 @@ def main(arguments: list[str] | None = None) -> int:
          "fits": table(FITTED, fitted)},
     )  # fmt: skip
     print(page, end="")
-    if wrong := wrong + contradicted + off + unlike + unfit:
-        print(f"{wrong} ANSWERS CONTRADICT EACH OTHER", file=sys.stderr)
-    return 1 if wrong else 0
+    if contradictions := in_distances + in_exact + in_tori + in_depths + in_fits:
+        print(f"{contradictions} ANSWERS CONTRADICT EACH OTHER", file=sys.stderr)
+    return 1 if contradictions else 0
 
 
 def _sizes(made: dict, precisions: tuple, finest: int) -> tuple[str, dict]:
@@ -230,7 +230,7 @@ def _distances(
     """Return the table of times, the means of each pair's motion by precision, contradictions."""
     fcl = next((each for each in peers.installed() if each.name == "fcl"), None)
     pairs = list(itertools.combinations_with_replacement(made, 2))
-    rows, bars, wrong = [], {}, 0
+    rows, bars, contradictions = [], {}, 0
     scattered, moving = poses(randoms, 1), motion(frames)
     for precision in precisions:
         meshes = {name: tessellated(solid, precision, finest) for name, solid in made.items()}
@@ -262,7 +262,9 @@ def _distances(
                     found["alone"].append(_time(alone, some)[0])
                 else:
                     for one, other in zip(known, told, strict=True):
-                        wrong += one.lower > other.upper + 1e-12 or other.lower > one.upper + 1e-12
+                        contradictions += (
+                            one.lower > other.upper + 1e-12 or other.lower > one.upper + 1e-12
+                        )
             if fcl:
                 for key, chosen in (("f", some), ("fm", part[:: max(len(part) // 20, 1)])):
                     here = np.tile(HERE, (len(chosen), 1, 1))
@@ -288,7 +290,7 @@ def _distances(
         "precision, m", "poses", "fat arcs, us", "mean", "alone", "our meshes", "FCL",
         "meshes / arcs", "FCL / arcs", "means", "in batches: arcs", "meshes", "ratio",
     ]  # fmt: skip
-    return table(headings, rows), bars, wrong
+    return table(headings, rows), bars, contradictions
 
 
 def _exact(made: dict, count: int) -> tuple[str, int]:
@@ -302,8 +304,8 @@ def _exact(made: dict, count: int) -> tuple[str, int]:
         (partial(engine.distance, made[a], HERE, made[b], p), (shapes[a], shapes[b], p))
         for a, b, p in placed
     ]
-    row, low = _beside_occt(asked)
-    return table(BESIDE_OCCT, [row]), low
+    row, contradictions = _beside_occt(asked)
+    return table(BESIDE_OCCT, [row]), contradictions
 
 
 def _tori(count: int) -> tuple[str, int]:
@@ -321,12 +323,12 @@ def _tori(count: int) -> tuple[str, int]:
         "one rational face": occt.shape(solid),
         "eight rational faces": occt.shape(torus()),
     }
-    rows, wrong = [], 0
+    rows, contradictions = [], 0
     for (name, shape), (way, ask) in itertools.product(shapes.items(), ways.items()):
-        row, low = _beside_occt([(partial(ask, pose), (shape, shape, pose)) for pose in many])
+        row, more = _beside_occt([(partial(ask, pose), (shape, shape, pose)) for pose in many])
         rows.append([name, way, *row])
-        wrong += low
-    return table(["OCCT's torus", "asked", *BESIDE_OCCT], rows), wrong
+        contradictions += more
+    return table(["OCCT's torus", "asked", *BESIDE_OCCT], rows), contradictions
 
 
 def _beside_occt(asked: list[tuple[Any, tuple[Any, Any, Any]]]) -> tuple[list[str], int]:
@@ -342,17 +344,17 @@ def _beside_occt(asked: list[tuple[Any, tuple[Any, Any, Any]]]) -> tuple[list[st
     ours, answers = _time(lambda ask: ask(), asks)
     queries = [occt.query(a, occt.placed(b, pose)) for a, b, pose in shapes]
     theirs, values = _time(lambda ask: ask(), queries)
-    off, low, open_ = [], 0, 0
+    errors, contradictions, open_ = [], 0, 0
     for answer, value in zip(answers, values, strict=True):
-        off.append(value - answer.upper)
-        low += not value >= answer.lower - 1e-6
+        errors.append(value - answer.upper)
+        contradictions += not value >= answer.lower - 1e-6
         open_ += answer.upper - answer.lower > 1e-11
     row = [
         str(len(asked)), f"{np.median(ours):.1f}", f"{np.max(ours):.0f}",
         f"{np.median(theirs):.0f}", f"{np.median(theirs) / np.median(ours):.0f}", str(open_),
-        str(sum(x > 1e-6 for x in off)), f"{max(off):.0e}",
+        str(sum(x > 1e-6 for x in errors)), f"{max(errors):.0e}",
     ]  # fmt: skip
-    return row, low
+    return row, contradictions
 
 
 if __name__ == "__main__":

@@ -72,7 +72,7 @@ def teapot() -> engine.ParametricSurface:
 
 def fitting() -> engine.Model:
     """Return a plate with a boss, cones and a ring on it: planes and solids of revolution."""
-    shapes, flat = engine.shapes, {"solid": False}
+    flat = {"solid": False}
     low, high = np.array([-0.2, -0.1, -0.02]), np.array([0.2, 0.1, 0.02])
     sides = []
     for axis in range(3):
@@ -83,14 +83,16 @@ def fitting() -> engine.Model:
             grid[:, 0, v], grid[:, 1, v] = low[v], high[v]
             sides.append(engine.Patch(grid))
     round_ones = [
-        (shapes.cylinder(0.05, 0.12, **flat), (-0.1, 0.0, 0.08)),
-        (shapes.cone(0.06, 0.0, 0.16, **flat), (0.1, 0.0, 0.1)),
-        (shapes.cone(0.04, 0.02, 0.06, **flat), (0.0, 0.0, -0.05)),
-        (shapes.torus(0.05, 0.015, **flat), (-0.1, 0.0, 0.14)),
+        (engine.shapes.cylinder(0.05, 0.12, **flat), (-0.1, 0.0, 0.08)),
+        (engine.shapes.cone(0.06, 0.0, 0.16, **flat), (0.1, 0.0, 0.1)),
+        (engine.shapes.cone(0.04, 0.02, 0.06, **flat), (0.0, 0.0, -0.05)),
+        (engine.shapes.torus(0.05, 0.015, **flat), (-0.1, 0.0, 0.14)),
     ]
-    parts = [shapes.Part(engine.ParametricSurface(sides), np.eye(4))]
-    parts += [shapes.Part(model, at(np.eye(3), np.array(place))) for model, place in round_ones]
-    return shapes.compound(parts, name="fitting", solid=False)
+    parts = [engine.shapes.Part(engine.ParametricSurface(sides), np.eye(4))]
+    parts += [
+        engine.shapes.Part(model, at(np.eye(3), np.array(place))) for model, place in round_ones
+    ]
+    return engine.shapes.compound(parts, name="fitting", solid=False)
 
 
 def turned(rng: np.random.Generator) -> NDArray[np.float64]:

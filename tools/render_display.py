@@ -41,7 +41,7 @@ HOLDING = """for (const name of [
     if (!window.held) draw.apply(this, given);
   };
 }"""
-BESIDE = "Drag the parts and see their clearances at "
+ADDRESS_PREFIX = "Drag the parts and see their clearances at "
 
 
 def main() -> int:
@@ -88,9 +88,9 @@ def start_demo(scene: str, speed: float) -> tuple[subprocess.Popen, str]:
         [*command, "--speed", str(speed)], stdout=subprocess.PIPE, text=True, env=environment
     )
     for line in demo.stdout:
-        if line.startswith(BESIDE):
+        if line.startswith(ADDRESS_PREFIX):
             Thread(target=demo.stdout.read, daemon=True).start()  # a full pipe would stop the demo
-            return demo, line.removeprefix(BESIDE).strip()
+            return demo, line.removeprefix(ADDRESS_PREFIX).strip()
     raise RuntimeError("the demo ended without a page")
 
 

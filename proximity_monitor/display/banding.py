@@ -163,9 +163,8 @@ class Banding:
         return part, None if pose is None else pose.tobytes()
 
     def _draw(self, job: _Job) -> None:
-        corners, of, *errors, cut = (
-            job.answer.result()
-        )  # the page shows an error of the computation
+        # The page shows an error of the computation.
+        corners, of, *errors, cut = job.answer.result()
         self._sampled_m[job.name] = tuple(errors)
         scale = self._parts.scale
         # If time ran out, as on a busy machine, the bands are computed again with a larger budget.

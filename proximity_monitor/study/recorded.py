@@ -52,7 +52,7 @@ def falling_tori(folder: Path) -> StudyScene:
         poses[name][:, :3, :3] = _orthonormal(rows[:, :3])
         poses[name][:, :3, 3] = rows[:, 3]
     track = Track("torus1", "torus2", poses["torus1"], poses["torus2"])
-    return StudyScene(meshes, [track], quick=8)
+    return StudyScene(meshes, [track], quick_blocks=8)
 
 
 def _triples(file: Path, many: int) -> NDArray[np.float64]:

@@ -38,14 +38,14 @@ class StudyScene:
         meshes: vertices and faces by name.
         tracks: the pairs; all have the same number of steps.
         block: how many steps in a row one engine answers before the next has its turn.
-        quick: how many blocks, spread evenly over the steps, a quick run takes.
+        quick_blocks: how many blocks, spread evenly over the steps, a quick run takes.
         surfaces: models that are not meshes, by name.
     """
 
     meshes: dict[str, shapes.Mesh]
     tracks: list[Track]
     block: int = 64
-    quick: int = 3
+    quick_blocks: int = 3
     surfaces: dict[str, engine.Model] = field(default_factory=dict)
 
 
@@ -86,7 +86,7 @@ def engine_block(a: str, b: str) -> StudyScene:
         if pair.a.startswith(a) and pair.b.startswith(b)
     ]
     used = {name for track in tracks for name in (track.a, track.b)}
-    return StudyScene({name: meshes[name] for name in used}, tracks, block=16, quick=2)
+    return StudyScene({name: meshes[name] for name in used}, tracks, block=16, quick_blocks=2)
 
 
 def corridor(count: int) -> NDArray[np.float64]:
@@ -107,7 +107,7 @@ def cave(coherent: bool) -> StudyScene:
     else:
         poses = random_rotations(random, count)
         poses[:, :3, 3] = random.uniform((-2.8, -2.8, -1.1), (2.8, 2.8, 1.1), (count, 3))
-    return StudyScene(meshes, [Track("torus", "cave", poses, identities(count))], quick=6)
+    return StudyScene(meshes, [Track("torus", "cave", poses, identities(count))], quick_blocks=6)
 
 
 def chain() -> StudyScene:
@@ -140,7 +140,7 @@ def chain() -> StudyScene:
         poses[:, step, :3, 3] = 0.5 * (joints[1:] + joints[:-1])
     pairs = [(i, j) for i in range(links) for j in range(i)]
     tracks = [Track("ring", "ring", poses[i], poses[j]) for i, j in pairs]
-    return StudyScene({"ring": shapes.ring()}, tracks, block=32, quick=2)
+    return StudyScene({"ring": shapes.ring()}, tracks, block=32, quick_blocks=2)
 
 
 def tori() -> StudyScene:
@@ -157,7 +157,7 @@ def tori() -> StudyScene:
     wander = rotation_poses(np.array([0.0, 0.0, 1.0]), 6.0 * share)
     meshes = {"warped": shapes.warped_torus(), "lumpy": shapes.lumpy_torus()}
     return StudyScene(
-        meshes, [Track("warped", "lumpy", wander @ poses, identities(count))], quick=8
+        meshes, [Track("warped", "lumpy", wander @ poses, identities(count))], quick_blocks=8
     )
 
 
@@ -174,7 +174,7 @@ def concentric_spheres(gap: float) -> StudyScene:
     random = np.random.default_rng(60)
     poses = random_rotations(random, 60), random_rotations(random, 60)
     meshes = {"outer": shapes.sphere(1.0), "inner": shapes.sphere(1.0 - gap)}
-    return StudyScene(meshes, [Track("outer", "inner", *poses)], block=2, quick=1)
+    return StudyScene(meshes, [Track("outer", "inner", *poses)], block=2, quick_blocks=1)
 
 
 def growing_tori() -> StudyScene:

@@ -46,7 +46,7 @@ def degrees(count: int) -> StudyScene:
         surfaces[a], surfaces[b] = wavy(1, count, degree=degree), wavy(2, count, degree=degree)
         tracks += [Track(POINT, a, points, identities(_STEPS)),
                    Track(a, b, identities(_STEPS), poses)]  # fmt: skip
-    return StudyScene({}, tracks, block=32, quick=1, surfaces=surfaces)
+    return StudyScene({}, tracks, block=32, quick_blocks=1, surfaces=surfaces)
 
 
 def random_nets() -> StudyScene:
@@ -67,7 +67,7 @@ def parallel_nets() -> StudyScene:
 
 def _two(a: engine.Patch, b: engine.Patch, poses: NDArray[np.float64]) -> StudyScene:
     track = Track("a", "b", identities(len(poses)), poses)
-    return StudyScene({}, [track], block=32, quick=1, surfaces={"a": a, "b": b})
+    return StudyScene({}, [track], block=32, quick_blocks=1, surfaces={"a": a, "b": b})
 
 
 def _apart(random: np.random.Generator) -> NDArray[np.float64]:

@@ -19,7 +19,7 @@ pytest.importorskip("viser", reason="viser is not installed: pip install '.[disp
 from proximity_monitor.ros import page_process
 
 pytestmark = pytest.mark.long
-BESIDE = "Drag the parts and see their clearances at "
+ADDRESS_PREFIX = "Drag the parts and see their clearances at "
 SCENE = """
 version: 1
 frame: bench
@@ -98,7 +98,7 @@ def demo(ros_environment, tmp_path, monkeypatch):
 
 def test_the_demo_prints_its_address_and_takes_the_page_along_when_it_ends(demo, wait):
     process = demo()
-    address = wait(lambda: process.says(BESIDE), "the address", START_DEADLINE_S)
+    address = wait(lambda: process.says(ADDRESS_PREFIX), "the address", START_DEADLINE_S)
     with build_opener(ProxyHandler({})).open(address, timeout=60.0) as answer:
         assert answer.status == 200
     assert process.interrupt() == 0
@@ -132,7 +132,7 @@ def test_the_demo_passes_on_what_the_page_says_of_its_errors_and_its_end(
     process = page_process.PageProcess(said.append)
     wait(lambda: len(said) == 3, "three lines")
     process.stop()
-    assert said[0] == f"{BESIDE}http://127.0.0.1:1"
+    assert said[0] == f"{ADDRESS_PREFIX}http://127.0.0.1:1"
     assert said[1].endswith("a page failed, KeyError: 'x'")
     assert said[2] == "The page has ended (exit code 1): no more room"
 
@@ -167,7 +167,7 @@ def test_the_turbine_on_the_page(demo, browser, wait, eventually):
         return engine.distance(models[a], poses[a], models[b], poses[b])
 
     process = demo("--speed", "1e-9", scene="turbine")
-    address = wait(lambda: process.says(BESIDE), "the address", START_DEADLINE_S)
+    address = wait(lambda: process.says(ADDRESS_PREFIX), "the address", START_DEADLINE_S)
     page = opened(browser, address)
     page.wait_for_selector("#pm-pairs .pm-row", timeout=1e3 * START_DEADLINE_S)
 

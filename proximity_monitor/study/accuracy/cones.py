@@ -21,7 +21,7 @@ _LEVELS, _QUICK = 7, 3
 _MOST = 400_000
 """Pairs of a level at most; a method that leaves more is not measured further."""
 
-_SLACK = 1e-3
+_SLACK_SHARE = 1e-3
 """A pair is kept unless its bound exceeds the distance by this share, as if the search knew an
 upper bound that is 0.1 % too large."""
 
@@ -98,7 +98,7 @@ def pruned(a: Cells, b: Cells, pairs: NDArray[np.int64], method: str, distance: 
                 low = (b.points[j[some]] @ n[some, :, None])[..., 0].min(axis=1)
                 high = (a.points[i[some]] @ n[some, :, None])[..., 0].max(axis=1)
                 bound[some] = np.maximum(bound[some], low - high)
-    out = bound >= (1.0 + _SLACK) * distance
+    out = bound >= (1.0 + _SLACK_SHARE) * distance
     if method.endswith("cones"):
         wide = np.where(apart > radii, np.arcsin(np.minimum(radii / apart, 1.0)), np.pi)
         out |= _angle(a.normal[i], b.normal[j]) > a.wide[i] + b.wide[j]
