@@ -96,7 +96,6 @@ def alive(sensors):
         sensors.wait_for_gap("seen", 0.5)
 
 
-@pytest.mark.long
 def test_a_cloud_is_stale_until_it_comes_and_then_each_message_is_the_whole_of_it(sensors):
     sensors.peer.wait(lambda: sensors.pair("scan"), "the pair", 180.0)
     assert sensors.pair("scan")["state"] == "stale"
