@@ -1,4 +1,4 @@
-"""Asks every question of the engine, under numba's check of indices (see test_bounds_check)."""
+"""Ask every kind of query under numba's bounds check of indices (see test_bounds_check)."""
 
 import gc
 
@@ -13,8 +13,8 @@ from proximity_monitor.engine.assembly.broad_phase import BroadPhase
 from proximity_monitor.engine.kernels.base import ahead
 from proximity_monitor.engine.kernels.base.tables import model_table
 
-gc.disable()  # a tenth of the time that compiling takes
-ahead.not_here()  # the other tests have the other processor
+gc.disable()  # garbage collection takes a tenth of the compile time
+ahead.not_here()  # no worker processes: other tests use the other processor
 rng = np.random.default_rng(1)
 models = [
     box(),
@@ -121,7 +121,7 @@ for far in (0.0, 0.5, 1.99, 3.0):
         pair.signed_distance(translation(far), IDENTITY, budget_s=budget)
 engine.closest_points(closed, IDENTITY, rng.normal(size=(20, 3)), signed=True)
 
-# The check is on: a child that is no triangle is found.
+# Prove that the check is on: a leaf whose triangle does not exist raises IndexError.
 hierarchy = models[0]._hierarchy
 children = hierarchy.tree.children.copy()
 children[16:] = ~np.int32(2**30)

@@ -1,4 +1,4 @@
-"""The largest ball inside two solids, and a surface's deepest point, by brute force in numpy."""
+"""Brute force in numpy: the largest ball inside two solids, and a surface's deepest point."""
 
 from __future__ import annotations
 
@@ -11,13 +11,16 @@ from engine_oracles import triangles
 from proximity_monitor import engine
 
 MANY = 20_000
-"""Points that one step may ask about."""
+"""Most points that one step of a search may evaluate."""
 
 Depths = Callable[[np.ndarray], np.ndarray]
 
 
 def winding_numbers(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """Solid angles of all triangles (Van Oosterom and Strackee 1983) over 4 pi, unrounded."""
+    """Return winding numbers: the sum of the triangles' solid angles over 4 pi, not rounded.
+
+    The solid angles are those of Van Oosterom and Strackee 1983.
+    """
     a, b, c = (corners[None, :, i] - points[:, None] for i in range(3))
     x, y, z = (np.linalg.norm(v, axis=2) for v in (a, b, c))
     volume = np.einsum("ijk,ijk->ij", a, np.cross(b, c))
@@ -28,7 +31,7 @@ def winding_numbers(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
 
 
 def point_distances(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """Distances (k,) of points (k, 3) to the nearest of triangles (m, 3, 3)."""
+    """Return the distances (k,) of points (k, 3) to the nearest of the triangles (m, 3, 3)."""
     squared = np.full(len(points), np.inf)
     with np.errstate(divide="ignore", invalid="ignore"):
         for a, b, c in corners:
@@ -45,7 +48,7 @@ def point_distances(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
 
 
 def depths_in(model: engine.TriangleMesh, pose: np.ndarray) -> Depths:
-    """How deep points lie inside a model: negative outside."""
+    """Return a function that tells how deep points lie inside a model; negative outside."""
     corners = triangles(model, pose)
 
     def depths(points: np.ndarray) -> np.ndarray:
@@ -59,10 +62,10 @@ def depths_in(model: engine.TriangleMesh, pose: np.ndarray) -> Depths:
 
 
 def largest(low: np.ndarray, high: np.ndarray, depths: list[Depths], steps: int = 6):
-    """Bounds of the largest smallest depth of the points of a box: a proof by the Lipschitz bound.
+    """Find, over the points of a box, the largest of the smallest of several depths.
 
-    Depths change by no more than points move. Returns the largest that was found, and the largest
-    that is left.
+    Depths change by no more than points move (Lipschitz bound). Returns the largest value found,
+    which is a lower bound, and an upper bound on what any unsearched cell may hold.
     """
     centres, half = ((low + high) / 2.0)[None], (high - low) / 2.0
     best, left = 0.0, math.inf
@@ -85,7 +88,7 @@ def largest(low: np.ndarray, high: np.ndarray, depths: list[Depths], steps: int 
 
 
 def depth_of_solids(a, pose_a, b, pose_b, steps: int = 6) -> tuple[float, float]:
-    """Bounds of the diameter of the largest ball in both."""
+    """Return bounds of the diameter of the largest ball inside both solids."""
     boxes = []
     for model, pose in ((a, pose_a), (b, pose_b)):
         points = triangles(model, pose).reshape(-1, 3)
@@ -99,7 +102,7 @@ def depth_of_solids(a, pose_a, b, pose_b, steps: int = 6) -> tuple[float, float]
 
 
 def deepest_of_surface(solid, pose_solid, surface, pose_surface, cuts: int = 5):
-    """Bounds of the depth of a surface's deepest point, from points of its triangles."""
+    """Return bounds of the depth of a surface's deepest point, from points on its triangles."""
     depths = depths_in(solid, pose_solid)
     s, t = np.meshgrid(*2 * [np.arange(cuts + 1) / cuts])
     s, t = s[s + t <= 1.0 + 1e-9], t[s + t <= 1.0 + 1e-9]

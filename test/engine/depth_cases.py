@@ -1,4 +1,4 @@
-"""Solids whose overlaps are asked about, and what is true of every answer."""
+"""Solids for tests of depth, and checks that every answer must pass."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ PERCENT = 1.01 + 1e-9
 
 
 def together(*parts: trimesh.Trimesh, name: str = "assembly") -> engine.TriangleMesh:
-    """Several meshes as one model."""
+    """Return several meshes as one model."""
     return from_trimesh(trimesh.util.concatenate(parts), name)
 
 
 def turned(mesh: engine.TriangleMesh) -> engine.TriangleMesh:
-    """The same mesh inside out."""
+    """Return the same mesh inside out."""
     return engine.TriangleMesh(mesh.vertices, mesh.faces[:, ::-1], name=mesh.name)
 
 
 def as_soup(mesh: engine.TriangleMesh) -> engine.TriangleMesh:
-    """The same triangles, none of which share a vertex."""
+    """Return the same triangles as a mesh in which none share a vertex."""
     corners = mesh.vertices[mesh.faces].reshape(-1, 3)
     return engine.TriangleMesh(corners, np.arange(len(corners)).reshape(-1, 3), name="soup")
 
@@ -52,7 +52,7 @@ def ball(radius: float = 0.5) -> engine.TriangleMesh:
 
 
 def ask(a, pose_a, b, pose_b, **options) -> engine.Distance:
-    """Both orders hold the same number."""
+    """Query both orders of the models, check that the answers agree, and return the first."""
     found = engine.signed_distance(a, pose_a, b, pose_b, **options)
     other = engine.signed_distance(b, pose_b, a, pose_a, **options)
     assert max(found.lower, other.lower) <= min(found.upper, other.upper) + TIGHT
@@ -62,7 +62,7 @@ def ask(a, pose_a, b, pose_b, **options) -> engine.Distance:
 
 
 def check(found: engine.Distance, expected: float, slack: float = TIGHT) -> None:
-    """The bounds hold the value, and are as near each other as they promise."""
+    """Check that the bounds contain the value and are as tight as promised."""
     assert found.lower - slack <= expected <= found.upper + slack
     if found.upper < 0.0:
         assert found.lower >= PERCENT * found.upper - slack
@@ -71,7 +71,7 @@ def check(found: engine.Distance, expected: float, slack: float = TIGHT) -> None
 
 
 def check_brute(a, pose_a, b, pose_b, found: engine.Distance) -> None:
-    """The bounds agree with those of a search on a grid, which are wider."""
+    """Check that the bounds agree with the wider ones of a search on a grid."""
     shallow, deep = depth_of_solids(a, pose_a, b, pose_b)
     assert max(-found.lower, 0.0) >= shallow - TIGHT
     assert -found.upper <= deep + TIGHT

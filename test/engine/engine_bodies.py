@@ -1,4 +1,4 @@
-"""Meshes and poses that the engine's tests ask about."""
+"""Meshes and poses for the engine's tests."""
 
 from __future__ import annotations
 
@@ -19,28 +19,28 @@ IDENTITY = np.eye(4)
 
 
 def from_trimesh(mesh: trimesh.Trimesh, name: str) -> engine.TriangleMesh:
-    """The engine's model of a trimesh mesh."""
+    """Return the engine's model of a trimesh mesh."""
     return engine.TriangleMesh(mesh.vertices, mesh.faces, name=name)
 
 
 def sphere(subdivisions: int = 2, radius: float = 1.0) -> engine.TriangleMesh:
-    """An icosphere of 20 * 4**subdivisions triangles."""
+    """Return an icosphere of 20 * 4**subdivisions triangles."""
     return from_trimesh(trimesh.creation.icosphere(subdivisions, radius), "sphere")
 
 
 def torus(sections: int = 24) -> engine.TriangleMesh:
-    """A torus around z of radii 1 and 0.3."""
+    """Return a torus around z with radii 1 and 0.3."""
     mesh = trimesh.creation.torus(1.0, 0.3, major_sections=sections, minor_sections=sections // 2)
     return from_trimesh(mesh, "torus")
 
 
 def box(size: tuple[float, float, float] = (1.0, 1.4, 0.6)) -> engine.TriangleMesh:
-    """A box around the origin."""
+    """Return a box around the origin."""
     return from_trimesh(trimesh.creation.box(size), "box")
 
 
 def soup(seed: int, count: int = 60, size: float = 0.3) -> engine.TriangleMesh:
-    """Triangles of many sizes and shapes that have nothing to do with each other."""
+    """Return unconnected triangles of many sizes and shapes."""
     rng = np.random.default_rng(seed)
     sizes = size * rng.uniform(0.1, 1.0, (count, 1, 1))
     corners = rng.normal(size=(count, 1, 3)) + sizes * rng.normal(size=(count, 3, 3))
@@ -50,13 +50,13 @@ def soup(seed: int, count: int = 60, size: float = 0.3) -> engine.TriangleMesh:
 
 
 def leaf_triangles(child: int) -> range:
-    """Triangles, in tree order, of a lane's child that is a leaf: see kernels/leaf.py."""
+    """Return the triangles, in tree order, of a lane's child that is a leaf."""
     first, second = divmod(~child, 2)
     return range(first, first + second + 1)
 
 
 def rotation(rng: np.random.Generator) -> np.ndarray:
-    """A random rotation (3, 3)."""
+    """Return a random rotation (3, 3)."""
     w, x, y, z = (q := rng.normal(size=4)) / np.linalg.norm(q)
     return np.array(
         [
@@ -68,7 +68,7 @@ def rotation(rng: np.random.Generator) -> np.ndarray:
 
 
 def pose(rng: np.random.Generator, spread: float = 0.0) -> np.ndarray:
-    """A random rotation, and a translation of about `spread`."""
+    """Return a pose with a random rotation and a translation of about `spread`."""
     matrix = np.eye(4)
     matrix[:3, :3] = rotation(rng)
     matrix[:3, 3] = spread * rng.normal(size=3)
@@ -76,14 +76,14 @@ def pose(rng: np.random.Generator, spread: float = 0.0) -> np.ndarray:
 
 
 def translation(x: float, y: float = 0.0, z: float = 0.0) -> np.ndarray:
-    """A pose without rotation."""
+    """Return a pose without rotation."""
     matrix = np.eye(4)
     matrix[:3, 3] = x, y, z
     return matrix
 
 
 def plate(cells: int) -> engine.TriangleMesh:
-    """A square of side 1 in z = 0, cut into triangles."""
+    """Return a square of side 1 in z = 0, cut into triangles."""
     x, y = np.meshgrid(np.linspace(0.0, 1.0, cells + 1), np.linspace(0.0, 1.0, cells + 1))
     corner = np.arange((cells + 1) ** 2).reshape(cells + 1, -1)
     a, b, c, d = corner[:-1, :-1], corner[:-1, 1:], corner[1:, 1:], corner[1:, :-1]
@@ -101,7 +101,7 @@ SMALL = {
     "points": engine.points(np.random.default_rng(3).normal(size=(30, 3))),
     "polyline": engine.polyline(np.random.default_rng(4).normal(size=(20, 3))),
 }
-"""Bodies of few triangles, of every sort, that brute force can be asked about."""
+"""Bodies of every sort with few triangles, small enough for brute force."""
 
 VOLUMES = tuple(tree.VOLUMES)
 """Every kind of bounding volume."""
@@ -111,10 +111,11 @@ ORDERS: tuple[str, ...] = get_args(run.Order)
 
 
 def covering(first: Iterable, second: Iterable, third: Sequence) -> list[tuple]:
-    """Triples in which every pair of values occurs, of any two of three kinds.
+    """Return triples that contain every pair of values from any two of the three iterables.
 
-    They are as few as can be, the product of `first` and `second`, neither of which may be shorter
-    than `third`: that goes round along the rows, one further each row, as in a Latin square.
+    There are len(first) * len(second) triples, the fewest possible. Neither `first` nor `second`
+    may be shorter than `third`. Along each row the values of `third` repeat in turn, and each row
+    starts one value further on, as in a Latin square.
     """
     second = list(second)
     made = [(a, b, third[(i + j) % len(third)])
@@ -126,12 +127,12 @@ def covering(first: Iterable, second: Iterable, third: Sequence) -> list[tuple]:
 
 
 def of(mesh: engine.TriangleMesh, volume: str) -> engine.TriangleMesh:
-    """The same mesh in a hierarchy of another kind of volumes."""
+    """Return the same mesh in a hierarchy with another kind of bounding volume."""
     return engine.TriangleMesh(mesh.vertices, mesh.faces, name=mesh.name, volume=volume)
 
 
 class Fcl:
-    """Two meshes as FCL sees them."""
+    """Two meshes as FCL models."""
 
     def __init__(self, a: engine.TriangleMesh, b: engine.TriangleMesh) -> None:
         self._objects = [fcl.CollisionObject(self._model(mesh)) for mesh in (a, b)]
@@ -149,19 +150,19 @@ class Fcl:
             body.setTransform(fcl.Transform(matrix[:3, :3], matrix[:3, 3]))
 
     def collide(self, pose_a: np.ndarray, pose_b: np.ndarray) -> bool:
-        """Whether the surfaces touch or cross."""
+        """Return whether the surfaces touch or cross."""
         self._place(pose_a, pose_b)
         return fcl.collide(*self._objects) > 0
 
     def distance(self, pose_a: np.ndarray, pose_b: np.ndarray) -> float:
-        """Minimum distance; 0 where the surfaces touch or cross."""
+        """Return the minimum distance; 0 if the surfaces touch or cross."""
         if self.collide(pose_a, pose_b):
             return 0.0
         return fcl.distance(*self._objects)
 
 
 def from_python(kernel):
-    """A kernel that only other compiled code can call, as Python can."""
+    """Return a function through which Python can call a kernel for compiled callers only."""
 
     @njit(pipeline_class=ROOT)
     def call(*arguments):

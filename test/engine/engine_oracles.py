@@ -1,7 +1,7 @@
-"""What the engine's answers are compared with. Nothing here shares code with the engine.
+"""Oracles for the engine's answers. Nothing here shares code with the engine.
 
-Exact: integers and fractions, for single pairs of triangles. Brute force: numpy, every pair of
-triangles of two small meshes. FCL: larger meshes.
+Exact oracles use integers and fractions, for single pairs of triangles. Brute-force oracles use
+numpy, for every pair of triangles of two small meshes. FCL serves for larger meshes.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ Corners = Sequence[Sequence[float | Fraction]]
 EDGES = ((0, 1), (1, 2), (2, 0))
 
 
-# Exact arithmetic. Floats are dyadic, so a power of two makes integers of all of them.
+# Exact arithmetic. Floats are dyadic, so one power of two scales them all to integers.
 
 
 def _sub(a, b):
@@ -48,7 +48,10 @@ def _point_segment(p, a, b):
 
 
 def _segment_segment(a, b, c, d):
-    """Either an end is nearest, or the common perpendicular has both feet inside."""
+    """Return the squared distance of two segments.
+
+    Either an end is nearest, or the common perpendicular has both feet inside the segments.
+    """
     least = min(
         _point_segment(a, c, d),
         _point_segment(b, c, d),
@@ -67,12 +70,12 @@ def _segment_segment(a, b, c, d):
 
 
 def _above(p, a, b, c, n):
-    """Whether the foot of p on the plane of a triangle with normal n lies on the triangle."""
+    """Return whether the foot of p on a triangle's plane, with normal n, lies on the triangle."""
     return all(_dot(_cross(_sub(y, x), _sub(p, x)), n) >= 0 for x, y in ((a, b), (b, c), (c, a)))
 
 
 def _point_face(p, a, b, c):
-    """Squared distance to a triangle's plane where the foot is on the triangle, else None."""
+    """Return the squared distance to the triangle's plane if the foot is on it, else None."""
     n = _cross(_sub(b, a), _sub(c, a))
     nn = _dot(n, n)
     if nn == 0 or not _above(p, a, b, c, n):
@@ -82,7 +85,7 @@ def _point_face(p, a, b, c):
 
 
 def _pierces(p, q, a, b, c):
-    """Whether a segment meets a triangle in a point, its plane not holding the segment."""
+    """Return whether a segment meets a triangle in one point, and does not lie in its plane."""
     n = _cross(_sub(b, a), _sub(c, a))
     side_p, side_q = _dot(_sub(p, a), n), _dot(_sub(q, a), n)
     if side_p == side_q or side_p * side_q > 0:
@@ -96,7 +99,7 @@ def _pierces(p, q, a, b, c):
 
 
 def exact_squared_distance(first: Corners, second: Corners) -> Fraction:
-    """Squared distance of two triangles, which may be degenerate, without any rounding."""
+    """Return the squared distance of two triangles without rounding; they may be degenerate."""
     numbers = [Fraction(x) for corner in (*first, *second) for x in corner]
     scale = max(x.denominator for x in numbers)  # all denominators are powers of two
     integers = [int(x * scale) for x in numbers]
@@ -113,7 +116,7 @@ def exact_squared_distance(first: Corners, second: Corners) -> Fraction:
 
 
 def root(x: Fraction) -> Fraction:
-    """Square root, right to 2^-150 of it."""
+    """Return the square root with a relative error of at most 2^-150."""
     if x == 0:
         return x
     shift = max(0, 160 + (x.denominator.bit_length() - x.numerator.bit_length()) // 2)
@@ -125,9 +128,10 @@ Motion = Sequence[Sequence[float | Fraction]]
 
 
 def exact_motion(pose_a: np.ndarray, pose_b: np.ndarray) -> list[list[Fraction]]:
-    """Three rows that move b into the frame of a, without any rounding.
+    """Return the three rows that move b into the frame of a, without rounding.
 
-    The transposed rotation serves as the inverse: that is the distance which the engine promises.
+    The transposed rotation of a serves as its inverse: the engine promises the distance under
+    that motion.
     """
     first, second = ([[Fraction(x) for x in row] for row in p.tolist()] for p in (pose_a, pose_b))
     turned = [[row[j] for row in second[:3]] for j in range(3)]
@@ -137,7 +141,7 @@ def exact_motion(pose_a: np.ndarray, pose_b: np.ndarray) -> list[list[Fraction]]
 
 
 def exactly_moved(pose: Motion, corners: np.ndarray) -> list[list[Fraction]]:
-    """Points (n, 3) after a pose, without any rounding."""
+    """Return points (n, 3) moved by a pose, without rounding."""
     rows = [[Fraction(x) for x in row] for row in pose]
     return [
         [sum(row[i] * Fraction(p[i]) for i in range(3)) + row[3] for row in rows[:3]]
@@ -145,11 +149,11 @@ def exactly_moved(pose: Motion, corners: np.ndarray) -> list[list[Fraction]]:
     ]
 
 
-# Brute force in float64: every pair of triangles, every pair of features.
+# Brute force in float64 over every pair of triangles and every pair of features.
 
 
 def triangles(mesh: engine.TriangleMesh, pose: np.ndarray | None = None) -> np.ndarray:
-    """Corners (m, 3, 3) of a mesh's faces, in the world where a pose is given."""
+    """Return the corners (m, 3, 3) of a mesh's faces, in the world if a pose is given."""
     corners = mesh.vertices[mesh.faces]
     return corners if pose is None else corners @ pose[:3, :3].T + pose[:3, 3]
 
@@ -181,12 +185,12 @@ def _between_segments(p, q, r, s) -> np.ndarray:
 
 
 def _volumes(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray) -> np.ndarray:
-    """Six times the signed volumes of tetrahedra."""
+    """Return six times the signed volumes of tetrahedra."""
     return _inner(a - d, np.cross(b - d, c - d))
 
 
 def _to_faces(x: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """Distances of points to planes where the foot is on the triangle, else infinity."""
+    """Return distances of points to planes if the foot is on the triangle, else infinity."""
     n = np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0])
     inside = _inner(n, n) > 0.0
     for i, j in EDGES:
@@ -196,12 +200,12 @@ def _to_faces(x: np.ndarray, t: np.ndarray) -> np.ndarray:
 
 
 def _pairs(first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Every triangle of one with every triangle of the other."""
+    """Pair every triangle of `first` with every triangle of `second`."""
     return np.repeat(first, len(second), axis=0), np.tile(second, (len(first), 1, 1))
 
 
 def crossing(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Which triangles (n, 3, 3) cross which (m, 3, 3): (n, m). They must be in general position."""
+    """Return (n, m) whether triangles (n, 3, 3) and (m, 3, 3), in general position, cross."""
     a, b = _pairs(first, second)
     found = np.zeros(len(a), dtype=bool)
     for s, t in ((a, b), (b, a)):
@@ -215,14 +219,15 @@ def crossing(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 
 
 def pairwise_distances(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Distances (n, m) of triangles (n, 3, 3) and (m, 3, 3), right to rounding."""
+    """Return the distances (n, m) of triangles (n, 3, 3) and (m, 3, 3), exact up to rounding."""
     a, b = _pairs(first, second)
     found = [
         _between_segments(a[:, i], a[:, j], b[:, k], b[:, m]) for i, j in EDGES for k, m in EDGES
     ]
     found += [_to_faces(a[:, i], b) for i in range(3)] + [_to_faces(b[:, i], a) for i in range(3)]
     distances = np.min(found, axis=0)
-    # Triangles that cross are no farther apart than they are long; beyond, the signs are noise.
+    # Features of crossing triangles are no farther apart than the triangles are long. At larger
+    # distances the signs of the volumes are only rounding noise.
     lengths = np.ptp(a, axis=1).sum(axis=1) + np.ptp(b, axis=1).sum(axis=1)
     distances[crossing(first, second).reshape(-1) & (distances <= lengths)] = 0.0
     return distances.reshape(len(first), len(second))
@@ -234,15 +239,15 @@ def exact_mesh_distance(
     pose_b: np.ndarray,
     pose_a: np.ndarray | None = None,
 ) -> Fraction:
-    """Squared distance of two meshes, without any rounding; a at the identity where no pose says.
+    """Return the squared distance of two meshes without rounding; a's pose is the identity if None.
 
-    Every pair of triangles is looked at: in float64, and those that may be nearest exactly.
+    Every pair of triangles is measured in float64, and the pairs that may be nearest exactly.
     """
     motion = exact_motion(np.eye(4) if pose_a is None else pose_a, pose_b)
     first, second = triangles(a), triangles(b)
     placed = triangles(b, np.array(motion, dtype=float))
     distances = pairwise_distances(first, placed)
-    # What rounding, and signs that are noise, may do to each of them.
+    # How far rounding, and wrong signs in `crossing`, may put each distance off.
     size = np.add.outer(np.abs(first).max(axis=(1, 2)), np.abs(placed).max(axis=(1, 2)))
     doubt = 1e-9 * size
     near = np.argwhere(distances - doubt <= (distances + doubt).min())
@@ -252,7 +257,7 @@ def exact_mesh_distance(
 
 
 def exact_soup_distance(a: engine.TriangleMesh, b: engine.TriangleMesh) -> Fraction:
-    """Squared distance of two meshes at the identity, every pair of triangles without rounding."""
+    """Return the squared distance of two meshes at the identity; every pair without rounding."""
     return min(
         exact_squared_distance(p, q) for p in triangles(a).tolist() for q in triangles(b).tolist()
     )
@@ -264,9 +269,10 @@ def magnitude(
     pose_a: np.ndarray | None = None,
     pose_b: np.ndarray | None = None,
 ) -> float:
-    """The largest coordinates of two models, as vectors in a's frame: accuracy is a share of them.
+    """Return the size of both models' coordinates in a's frame, metres: accuracy is relative to it.
 
-    The larger of a's farthest corner and of b's, which lies beyond its origin's distance from a's.
+    It is the larger of two lengths: from a's origin to a's farthest corner; and from a's origin to
+    b's, plus from there to b's farthest corner.
     """
     apart = 0.0 if pose_a is None else float(np.linalg.norm(pose_b[:3, 3] - pose_a[:3, 3]))
     norms = [float(np.linalg.norm(triangles(mesh), axis=2).max()) for mesh in (a, b)]

@@ -1,4 +1,4 @@
-"""Patches and curves that the engine's tests ask about, and what scipy says of them."""
+"""Patches and curves for the engine's tests, and their points as scipy computes them."""
 
 from __future__ import annotations
 
@@ -9,30 +9,30 @@ from proximity_monitor import engine
 
 _ROOT = np.sqrt(0.5)
 QUARTER = np.array([[1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
-"""Control points of a quarter of a circle, whose weights are 1, √½ and 1."""
+"""Control points of a quarter circle. Their weights are 1, √½ and 1."""
 QUARTER_WEIGHTS = np.array([1.0, _ROOT, 1.0])
 
 
 def clamped(rng, count, degree):
-    """Knots from 0 to 1, each end repeated, the inner ones anywhere."""
+    """Return knots from 0 to 1 with repeated ends and random inner knots."""
     inner = np.sort(rng.random(count - degree - 1))
     return np.concatenate((np.zeros(degree + 1), inner, np.ones(degree + 1)))
 
 
 def unclamped(rng, count, degree):
-    """Knots of which none is repeated."""
+    """Return knots without repetition."""
     return np.cumsum(rng.uniform(0.1, 1.0, count + degree + 1)) - 3.0
 
 
 def torn(rng, count, degree):
-    """Clamped knots with an inner one as often as the ends, where the patch may tear."""
+    """Return clamped knots with an inner one repeated like the ends: the patch may tear there."""
     repeated = np.full(min(degree + 1, count - degree - 1), 0.4)
     inner = np.concatenate((repeated, 0.4 + 0.6 * rng.random(count - degree - 1 - len(repeated))))
     return np.concatenate((np.zeros(degree + 1), np.sort(inner), np.ones(degree + 1)))
 
 
 def patch(seed, shape=(7, 6), degrees=(3, 2), knots=clamped, decades=0.0, **how):
-    """A patch of random control points, and of weights over so many decades."""
+    """Return a patch with random control points, and weights that spread over `decades` decades."""
     rng = np.random.default_rng(seed)
     pairs = zip(shape, degrees, strict=True)
     given = [knots(rng, count, degree) for count, degree in pairs]
@@ -41,7 +41,7 @@ def patch(seed, shape=(7, 6), degrees=(3, 2), knots=clamped, decades=0.0, **how)
 
 
 def curve(seed, count=7, degree=3, knots=clamped, decades=0.0, columns=3, **how):
-    """A curve of random control points, otherwise as `patch`."""
+    """Return a curve with random control points; the other arguments are as for `patch`."""
     rng = np.random.default_rng(seed)
     given = knots(rng, count, degree)
     weights = 10.0 ** rng.uniform(-0.5 * decades, 0.5 * decades, count) if decades else None
@@ -49,7 +49,7 @@ def curve(seed, count=7, degree=3, knots=clamped, decades=0.0, columns=3, **how)
 
 
 def bumps(seed, count=10):
-    """A bicubic patch over the unit square, of uniform knots, with bumps."""
+    """Return a bicubic patch with uniform knots and bumps over the unit square."""
     rng = np.random.default_rng(seed)
     x, y = np.meshgrid(*2 * [np.linspace(0.0, 1.0, count)], indexing="ij")
     knots = np.concatenate((np.zeros(3), np.linspace(0.0, 1.0, count - 2), np.ones(3)))
@@ -58,7 +58,7 @@ def bumps(seed, count=10):
 
 
 def revolved(profile, weights):
-    """Four patches around z of a Bezier profile (n, 2), radius and z; u goes around."""
+    """Revolve a Bezier profile (n, 2), radius and z, about z into four patches; u goes around."""
     made = []
     for turn in range(4):
         c, s = np.round((np.cos(turn * np.pi / 2), np.sin(turn * np.pi / 2)))
@@ -71,14 +71,14 @@ def revolved(profile, weights):
 
 
 def sphere_patches():
-    """The unit sphere as eight patches, each with an edge that is a pole."""
+    """Return the unit sphere as eight patches, each with an edge that collapses to a pole."""
     upper = QUARTER
     lower = QUARTER[::-1] * (1.0, -1.0)
     return [*revolved(lower, QUARTER_WEIGHTS), *revolved(upper, QUARTER_WEIGHTS)]
 
 
 def torus_patches(major=1.0, minor=0.3):
-    """A torus around z as sixteen patches, which close up."""
+    """Return a closed torus around z as sixteen patches."""
     made = []
     for turn in range(4):
         c, s = np.round((np.cos(turn * np.pi / 2), np.sin(turn * np.pi / 2)))
@@ -88,7 +88,7 @@ def torus_patches(major=1.0, minor=0.3):
 
 
 def by_scipy(patch, u, v, order_u=0, order_v=0):
-    """Numerators and weights (k, 4) of a patch's points, or of their derivatives, as scipy says."""
+    """Return numerators and weights (k, 4) of a patch's points or derivatives, by scipy."""
     weights = np.ones(patch.control.shape[:2]) if patch.weights is None else patch.weights
     net = np.concatenate((patch.control, np.ones((*weights.shape, 1))), axis=-1)
     net = net * weights[..., None]

@@ -1,4 +1,4 @@
-"""Kernels that other processes compile: each once, in silence, and for no longer than needed."""
+"""Kernels that worker processes compile: each once, in silence, for no longer than needed."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from proximity_monitor.engine.kernels.base import ahead, cache, claims
 from proximity_monitor.engine.kernels.pairs import late
 
 SOON_S = 20.0
-"""Seconds within which a process does what takes it a part of one, on any machine."""
+"""Seconds that are enough, on any machine, for work that takes a process a fraction of one."""
 
 ASK = (
     "import numpy; from proximity_monitor.engine.poses import check_pose; "
-    "check_pose(numpy.eye(4)); print('done', flush=True)"  # the kernel compiled fastest
+    "check_pose(numpy.eye(4)); print('done', flush=True)"  # the kernel that compiles fastest
 )
 WORK = """
 import sys
@@ -94,7 +94,7 @@ def wait_until(true):
 
 @pytest.fixture(scope="module")
 def warm(tmp_path_factory):
-    """Where a process has kept a kernel that it compiled ahead."""
+    """Return a cache root that holds a kernel which a worker compiled ahead."""
     place = tmp_path_factory.mktemp("ahead")
     with run(WORK, place) as worker:
         for name in ("one", "two"):
@@ -115,7 +115,7 @@ def test_what_is_only_half_wanted_is_not_compiled(tmp_path):
 def test_what_a_worker_keeps_is_taken_and_no_claim_is_left(warm):
     (file,) = kept(warm)
     others = {each.suffix for each in file.parent.iterdir() if each != file}
-    assert others <= {".part"}  # of helpers, for which there are no claims
+    assert others <= {".part"}  # bitcode of helpers, which nobody claims
     with run(ASK, warm) as asking:
         said = asking.communicate(timeout=SOON_S)
     assert said == ("done\n", "")
@@ -186,13 +186,13 @@ def test_a_helper_ends_with_its_parent(end, tmp_path):
 def _is_gone(number):
     try:
         with open(f"/proc/{number}/stat") as file:
-            return file.read().rpartition(")")[2].split()[0] == "Z"  # and nobody looks after it
+            return file.read().rpartition(")")[2].split()[0] == "Z"  # ended, but not yet reaped
     except FileNotFoundError:
         return True
 
 
 class Started:
-    """A process that is not started: what it was to run, and what it is told."""
+    """Stand-in for a process that runs nothing: it records its arguments and its input."""
 
     def __init__(self, arguments):
         self.arguments, self.stdin, self.ended = arguments, io.BytesIO(), None
@@ -206,7 +206,7 @@ class Started:
 
 @pytest.fixture
 def begun(monkeypatch):
-    """Processes that are started."""
+    """Return the list of the processes that are started, all of them stand-ins."""
     started = []
 
     def start(arguments, **_):
@@ -303,7 +303,7 @@ def test_what_is_compiled_ahead_is_what_making_a_solid_needs():
 
 
 def test_what_is_wanted_meanwhile_goes_before_what_stands_below(tmp_path):
-    """A process hears of more while it compiles the first kernel of three."""
+    """The worker hears the second name while it compiles the first of three kernels."""
     with run(IN_TURN, tmp_path) as worker:
         worker.stdin.write("one\n")
         worker.stdin.flush()
@@ -316,7 +316,7 @@ def test_what_is_wanted_meanwhile_goes_before_what_stands_below(tmp_path):
 
 
 def needed(name):
-    """The names of a kept kernel and of all that it calls."""
+    """Return the names of a cached kernel and of everything that it calls."""
     (path,) = [each / name for each in cache.DIRECTORIES if (each / name).exists()]
     with path.open("rb") as file:
         below, *_ = cache._read(file, name)

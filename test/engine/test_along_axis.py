@@ -1,4 +1,4 @@
-"""What a profile has along its axis bounds nothing: it is left out, or else refused."""
+"""Parts of a profile along its axis bound nothing: they are left out, or else refused."""
 
 import math
 
@@ -30,7 +30,7 @@ def test_what_is_closed_along_the_axis_has_no_boundary_there(first):
 
 @pytest.mark.parametrize("first", range(5))
 def test_a_curve_is_parted_where_it_comes_to_the_axis(first):
-    """A closed sketch is often one curve; a stub of it beyond the solid bounds nothing either."""
+    """A closed sketch is often one curve. A stub beyond the solid, on the axis, bounds nothing."""
     corners = SKETCH if first == 0 else SKETCH[first:] + SKETCH[2 : first + 1]
     knots = [0, *range(len(corners)), len(corners) - 1]
     made = SolidOfRevolution([Curve(corners, knots)])
@@ -69,7 +69,7 @@ def test_a_part_of_a_rational_curve_is_what_it_was():
     ],
 )
 def test_what_is_left_out_has_to_fit_in_too(curves, said):
-    """And messages count the curves that were given."""
+    """Messages count the curves as they were given, including those left out."""
     with pytest.raises(ModelError, match=said):
         SolidOfRevolution(curves)
 

@@ -1,4 +1,4 @@
-"""A compilation is announced: once, where it happens, and never where the cache has all."""
+"""A process announces once that it compiles, and never if the cache holds all its kernels."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ import sys
 import pytest
 
 QUICK = "import numpy as np; from proximity_monitor import engine; "
-# The kernel that is compiled fastest.
+# The kernel that compiles fastest.
 POSE = "from proximity_monitor.engine.poses import check_pose; check_pose(np.eye(4)); "
 
 
 def run(code, cache=None):
-    """The standard error of a process, which has to end well."""
+    """Run code in a process, check that it succeeds, and return its standard error."""
     environment = {**os.environ}
     if cache is not None:
         environment["NUMBA_CACHE_DIR"] = str(cache)

@@ -1,4 +1,4 @@
-"""Carried bounds of moved bodies against distances of point sets in extended precision."""
+"""Bounds carried along with moving bodies, against extended-precision distances of point sets."""
 
 import numpy as np
 import pytest
@@ -27,7 +27,7 @@ def random_pose(random, spread):
 
 
 def nudged(random, start, size):
-    """A pose near another: turned by up to `size` radians, moved by up to `size` metres."""
+    """Return a pose near `start`: turned by up to `size` radians, moved by up to `size` metres."""
     step = pose(random.normal(size=3), random.uniform(-size, size), random.uniform(-1, 1, 3) * size)
     return start @ step
 
@@ -37,13 +37,13 @@ def placed(model, at):
 
 
 def true_distance(a, pose_a, b, pose_b):
-    """Of the point sets, with 64 bits of mantissa."""
+    """Return the distance of the point sets, computed with a 64-bit mantissa."""
     pa, pb = placed(a, pose_a), placed(b, pose_b)
     return np.sqrt(((pa[:, :, None] - pb[:, None, :]) ** 2).sum(axis=0)).min()
 
 
 def table(a, b, signed=False):
-    """A table with one row, for two bodies."""
+    """Return a table with one row for two bodies, and that row."""
     answers = Answers([a, b], ["a", "b"])
     return answers, answers.add(np.array([[0, 1]]), np.array([signed]))
 
@@ -53,7 +53,7 @@ def move(answers, pose_a, pose_b):
 
 
 def answered(a, pose_a, b, pose_b):
-    """A table that holds the exact distance of one placement, as a search would leave it."""
+    """Return a table with the exact distance at these poses, as a search would leave it."""
     answers, row = table(a, b)
     move(answers, pose_a, pose_b)
     pa, pb = (np.asarray(placed(*each), float).T for each in ((a, pose_a), (b, pose_b)))
@@ -112,7 +112,7 @@ def test_pairs_that_were_never_answered_are_certified_too():
 
 
 def unit_clouds():
-    """Two models with centre at their origin and radius 1, 3 - sqrt 2 apart when 3 apart in x."""
+    """Return two models, radius 1 about their origins. At x = 0 and 3, their gap is 3 - sqrt 2."""
     half = np.sqrt(0.5)
     corners = [[x, y, 0.0] for x in (-half, half) for y in (-half, half)] + [[0, 0, 1], [0, 0, -1]]
     return engine.points(corners), engine.points(corners)
@@ -138,7 +138,7 @@ def test_a_rotation_about_the_centre_widens_by_the_chord_of_the_radius(angle):
 
 
 def test_the_body_whose_motion_is_cheaper_is_taken_as_the_moving_one():
-    """A small part turning on the spot: seen from it, the large part swings about it."""
+    """A small part turns on the spot. Seen from it, the large part swings around it."""
     small = engine.points([[0.01, 0, 0], [-0.01, 0, 0], [0, 0.01, 0]])
     large, _ = unit_clouds()
     place = pose(position=(3, 0, 0))
@@ -185,7 +185,7 @@ def test_bodies_that_do_not_move_keep_the_very_numbers():
 
 
 def test_a_ball_beyond_any_number_that_can_be_squared_leaves_the_bounds_that_always_hold():
-    """1e45 m is as far as a model reaches; products of such lengths are still numbers."""
+    """A model may reach 1e45 m. Products of such lengths are still finite."""
     a, b = engine.points([[1e45, 0, 0], [0, 1e45, 0]]), engine.points([[0, 0, 0]])
     answers, row = table(a, b)
     got = answers.intervals(row)
@@ -252,7 +252,7 @@ BOX_FACES = [
     motion=st.sampled_from([0.0, 1e-3, 0.3, 3.0]),
 )
 def test_a_signed_distance_stays_within_its_bounds_through_any_jump(seed, size, motion):
-    """Outside, across the surface, wholly inside: the search's own answer is the measure."""
+    """The bodies are apart, cross or contain each other. The oracle is a new search."""
     random = np.random.default_rng(seed)
     a, b = engine.TriangleMesh(BOX, BOX_FACES), engine.TriangleMesh(size * BOX, BOX_FACES)
     starts = [random_pose(random, 1.0) for _ in range(2)]

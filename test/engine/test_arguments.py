@@ -1,4 +1,4 @@
-"""What questions take: every real number without compiling, and nothing else, by its name."""
+"""Queries take every real number without compiling, and refuse all else, naming the argument."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ EVERY = [(name, k) for name, asks in QUESTIONS.items() for k in range(len(asks))
 
 
 def forms():
-    """How many forms of kernels there are."""
+    """Return how many signatures the kernels are compiled for, in total."""
     rooms = [room for name, room in sys.modules.items() if name.startswith(kernels.__name__)]
     found = (each for room in rooms for each in vars(room).values())
     return sum(len(each.overloads) for each in found if isinstance(each, Dispatcher))
@@ -119,9 +119,9 @@ def test_every_real_number_is_one_and_compiles_nothing(name, k):
 def test_what_is_no_real_number_is_refused_by_name(name, k, kind):
     value = OTHERS[kind]
     if value is None and name != "rel_err" and name != "abs_err" and (name, k) != ("clearance", 0):
-        return  # means: no limit
+        return  # None is allowed here: no limit
     if kind in ("list", "one in a row") and QUESTIONS[name][k] in COLUMNS:
-        return  # one for each pair
+        return  # allowed here: one number for each pair
     with pytest.raises((TypeError, ValueError), match=rf"^{name}\b"):
         QUESTIONS[name][k](value)
 
@@ -138,11 +138,11 @@ def test_threads_are_a_whole_number(threads):
 
 
 class Matrix(np.ndarray):
-    """An array that is not quite one."""
+    """A subclass of numpy's array."""
 
 
 def layouts(array):
-    """The same numbers in other types and layouts."""
+    """Return the same numbers in other types and layouts."""
     single = np.asarray(array)
     frozen = single.copy()
     frozen.setflags(write=False)

@@ -1,4 +1,4 @@
-"""Many pairs of bodies in one call: the answers are those of single questions."""
+"""Many pairs of bodies in one call: the answers are those of single queries."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ FIELDS = [
 
 
 def crowd(seed=0, count=24, spread=2.0):
-    """An assembly of bodies that share a few meshes, their poses, and all pairs."""
+    """Return an assembly of bodies that share a few meshes, their poses, and all pairs."""
     rng = np.random.default_rng(seed)
     meshes = list(SMALL.values())
     models = [meshes[i % len(meshes)] for i in range(count)]
@@ -46,8 +46,8 @@ def test_the_answers_are_those_of_single_questions(threads):
         assert STATUS[found.status[k]] is one.status
         features = one.feature_a, one.feature_b
         if found.elements[k].tolist() != [feature.index for feature in features]:
-            # The kernel is compiled into either question: where triangles are as near as others,
-            # float32 bounds that differ in their last bits decide which are found.
+            # Both entries contain the kernel, compiled separately, so their float32 bounds may
+            # differ in the last bits. These decide which of several nearest triangles is found.
             assert found.upper[k] == pytest.approx(one.upper, rel=0.0, abs=1e-13)
             other += 1
             continue
@@ -101,7 +101,7 @@ def test_a_clearance_ends_a_search_when_the_side_is_certain(clearance):
     assert far.any()
     assert near.any() or clearance == 0.0
     assert found.bound_tests.sum() < exact.bound_tests.sum()
-    # Where the search ended early, it does not say that it is exact.
+    # If the search ended early, it does not claim to be exact.
     gap = found.upper - found.lower > 1e-12
     assert not any(STATUS[code] is engine.Status.EXACT for code in found.status[gap])
 
@@ -241,7 +241,7 @@ def test_an_assembly_needs_a_body():
 
 
 def test_a_depth_begins_with_what_is_known_of_the_surfaces(monkeypatch):
-    """They have been compared already, and are not compared again."""
+    """The surfaces have been compared already, so the search does not compare them again."""
     repeated, compare = [], engine.Pair.distance
 
     def noted(pair, *given, **how):
@@ -255,12 +255,12 @@ def test_a_depth_begins_with_what_is_known_of_the_surfaces(monkeypatch):
     poses = np.array([pose(rng, 0.4) for _ in range(12)])
     twice = np.repeat(list(itertools.combinations(range(12), 2)), 2, axis=0)
     assembly = engine.Assembly([torus(12)] * 12)
-    assembly.distances(poses, twice[:40], signed=True)  # to compile may take more than the budget
+    assembly.distances(poses, twice[:40], signed=True)  # compiling may take more than the budget
     found = assembly.distances(poses, twice, signed=True, budget_s=60.0)
     assert (found.upper < 0.0).sum() > 40
     assert len(repeated) > 10
     assert not any(repeated)
-    # The same question has the same answer, whether a search of it has just ended or not.
+    # The second query about a pair has the answer of the first, although a search just ended.
     np.testing.assert_allclose(found.upper[::2], found.upper[1::2], rtol=0.02, atol=1e-12)
 
 
@@ -298,7 +298,7 @@ def test_a_depth_begins_little_by_little_where_no_time_is_left(monkeypatch, offs
 
 
 def test_a_body_that_got_another_model_is_measured_anew():
-    """A search for a depth that was cut is not one of the model that came in its place."""
+    """A cut depth search of the old model must not go on with the model that replaces it."""
     large, other = sphere(4), sphere(4, 0.9)
     small = engine.TriangleMesh(0.01 * other.vertices + (5.0, 0.0, 0.0), other.faces)
     poses = np.stack((np.eye(4), np.eye(4)))

@@ -1,4 +1,4 @@
-"""Many questions in one call: `within`, `collide` and `signed_distance` at many poses and pairs."""
+"""Many queries in one call: `within`, `collide` and `signed_distance` at many poses and pairs."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def path(seed, count, spread=1.0):
 
 
 def check_status(found):
-    """Statuses say what the bounds do."""
+    """Check that the bounds are ordered, and that exact answers have narrow bounds."""
     gap = found.upper - found.lower
     exact = found.status == STATUS.index(Status.EXACT)
     assert (gap[exact] <= 1e-12 + 0.2).all()
@@ -68,7 +68,7 @@ def test_a_clearance_decides_as_within_and_collide_do(clearance):
 
 
 def assert_alike(lower, upper, one):
-    """Distances are the same; depths are to 1 %, as a search for one begins where the last did."""
+    """Check that distances agree, and depths to 1 %: a depth search starts from the last one's."""
     if one.lower > -1e-9:
         assert (lower, upper) == pytest.approx((one.lower, one.upper), abs=2e-12)
     else:
@@ -100,7 +100,7 @@ def test_signed_answers_are_those_of_single_questions(name):
 
 
 def crowd(seed=0, count=14):
-    """An assembly of bodies of every sort, some inside others, their poses, and all pairs."""
+    """Return an assembly of bodies of every sort, some inside others, their poses, all pairs."""
     rng = np.random.default_rng(seed)
     bodies = [*SMALL.values(), CAPSULES, HOLED, sphere(2, 1.5), box((0.1, 0.1, 0.1))]
     models = [bodies[i % len(bodies)] for i in range(count)]
@@ -109,7 +109,7 @@ def crowd(seed=0, count=14):
 
 
 def singly(assembly, poses, pairs):
-    """Every signed distance by itself."""
+    """Return every signed distance from a query of its own."""
     return [
         engine.signed_distance(assembly.models[i], poses[i], assembly.models[j], poses[j])
         for i, j in pairs
@@ -124,7 +124,7 @@ def test_an_assembly_knows_signs(threads):
     for k, each in enumerate(one):
         assert_alike(found.lower[k], found.upper[k], each)
     assert (found.upper < 0.0).sum() > 10
-    # Contained bodies are among them, which surfaces alone do not tell.
+    # Some bodies lie wholly inside others, which the distances of surfaces do not show.
     surfaces = assembly.distances(poses, pairs)
     assert ((surfaces.lower > 0.0) & (found.upper < 0.0)).any()
     again = assembly.distances(poses, pairs, signed=True, hints=found.hints)
@@ -141,13 +141,16 @@ def test_a_clearance_decides_about_signed_distances(clearance):
     certain = np.abs(exact.upper - clearance) > 1e-12
     assert (found.within(clearance) == (exact.lower <= clearance))[certain].all()
     decided = (found.lower > clearance) | (found.upper <= clearance + 1e-12)
-    # Next to a hole it may stay open how deep a body is, and whether it is inside.
+    # Next to a hole, the search may leave open how deep a body lies and whether it is inside.
     decided |= found.status == STATUS.index(engine.Status.INTERSECTING)
     assert decided[certain].all()
 
 
 def finish(assembly, poses, pairs, **options):
-    """Ask about what is left until nothing is; the bounds (k, 2), and how often it was asked."""
+    """Query the unfinished pairs without time until none is left.
+
+    Yields each round's pairs and answers, and last the bounds (k, 2) and the number of rounds.
+    """
     left, asked = np.arange(len(pairs)), 0
     bounds = np.full((len(pairs), 2), np.nan)
     while len(left):
@@ -189,7 +192,7 @@ def test_asking_about_signs_comes_to_an_end_with_any_budget(threads):
 
 
 def test_a_depth_that_is_due_when_time_is_over_begins_the_next_call(monkeypatch):
-    """To begin its search takes longer than a short budget."""
+    """Setting up the search for a depth takes longer than a short budget."""
     bodies, calls = engine.Assembly([sphere(4, 1.0), sphere(4, 0.95)]), []
     for kind, name in ((engine.Assembly, "rows"), (long_searches.LongSearches, "search")):
         original = getattr(kind, name)

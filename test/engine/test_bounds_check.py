@@ -1,4 +1,4 @@
-"""Nothing is read or written beyond an array: numba's own check watches a few questions."""
+"""Kernels read and write only inside arrays: numba's own check watches a few queries."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ FOLDER = Path(__file__).parent
 
 @pytest.mark.long
 def test_every_index_is_in_bounds(tmp_path):
-    """All kernels are compiled anew, which takes two minutes: `make indices` does it alone."""
-    # Not optimised: the check takes longer to compile than to run.
+    """This compiles all kernels anew, which takes two minutes. `make indices` runs it alone."""
+    # Not optimised: compiling with the check takes longer than running.
     environment = {
         **os.environ,
         "NUMBA_BOUNDSCHECK": "1",
         "NUMBA_OPT": "0",
         "NUMBA_CACHE_DIR": str(tmp_path),
-        # For PYTHONSAFEPATH would hide the script's own folder.
+        # PYTHONSAFEPATH would hide the script's own folder.
         "PYTHONPATH": os.pathsep.join(filter(None, (str(FOLDER), os.environ.get("PYTHONPATH")))),
     }
     command = [sys.executable, str(FOLDER / "ask_everything.py")]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert done.stdout.strip() == "every index was in bounds"
-    # All was compiled for this run, as it said, once.
+    # The process compiled its kernels itself, and announced it once.
     said = [line for line in done.stderr.splitlines() if "compiling" in line]
     assert len(said) == 1
     assert str(tmp_path) in said[0]

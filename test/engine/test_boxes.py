@@ -1,4 +1,4 @@
-"""Bounds between boxes are certified and tight, and the boxes fit what is inside them."""
+"""Bounds between boxes are certified and tight, and boxes fit tightly around their contents."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ lower_bounds, place = from_python(volumes.lower_bounds), from_python(volumes.pla
 KINDS = ("obb", "aabb")
 WIDTH, FIELDS = 16, 12
 EVERYTHING = np.float32(1e29)
-"""A reach that no bound but an empty lane's is beyond."""
+"""A reach that only the bound of an empty lane exceeds."""
 
 SIGNS = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
 SIDES = [
@@ -47,18 +47,18 @@ def of(mesh, kind):
 
 
 def corners_of(half, rng=None):
-    """Corners (8, 3) of a box around the origin, turned where `rng` is given."""
+    """Return the corners (8, 3) of a box around the origin, rotated at random if `rng` is given."""
     corners = SIGNS * half
     return corners if rng is None else corners @ rotation(rng).T
 
 
 def around(corners, kind):
-    """A model whose volumes hold the corners: it consists of nothing else."""
+    """Return a model that consists of the corners alone."""
     return of(engine.points(corners), kind)
 
 
 def stored(mesh):
-    """Centre and half edges (3, 3) of the box around a whole model, metres, as it was rounded."""
+    """Return centre and half edges (3, 3) of the box stored around a whole model, metres."""
     tree = mesh._hierarchy.tree
     lane = tree.nodes.reshape(-1, FIELDS, WIDTH)[0, :, 0].astype(float)
     u, v = lane[3:6], lane[6:9]
@@ -67,7 +67,7 @@ def stored(mesh):
 
 
 def inside(c, edges, other_c, others):
-    """Whether the middle of one box is in the other: else one that holds the other is crossed."""
+    """Return whether a centre is in the other box. Other boxes that overlap have crossing faces."""
     return any(
         (np.abs(np.linalg.solve(frame.T, point - middle)) <= 1.0).all()
         for middle, frame, point in ((c, edges, other_c), (other_c, others, c))
@@ -75,14 +75,17 @@ def inside(c, edges, other_c, others):
 
 
 def between(c, edges, other_c, others):
-    """Distance of two boxes: of their triangles, or 0 where one is inside."""
+    """Return the distance of two boxes: 0 if a centre is inside, else that of their triangles."""
     if inside(c, edges, other_c, others):
         return 0.0
     return pairwise_distances((c + SIGNS @ edges)[FACES], (other_c + SIGNS @ others)[FACES]).min()
 
 
 def bounds(a, pose_a, b, pose_b, reach=EVERYTHING):
-    """What the search makes of all of `a` against the sixteen volumes of b's first node, metres."""
+    """Return bounds (16,) of all of `a` against the lanes of b's first node, metres.
+
+    The first ones are those of boxes, the second those of swept spheres alone.
+    """
     motions, single = np.zeros((2, 12)), np.empty(16, np.float32)
     relative_motions(pose_a, pose_b, *motions)
     assert place(a._hierarchy.tree, 0, motions[1], b._hierarchy.tree, 0, 0.0, single)
@@ -94,7 +97,7 @@ def bounds(a, pose_a, b, pose_b, reach=EVERYTHING):
 
 
 def check(a, pose_a, b, pose_b):
-    """The bound of two whole models' boxes: certified, tight, not below that of swept spheres."""
+    """Check that the bound of the models' boxes is certified, tight, and at least the spheres'."""
     bound, spheres = (found[0] for found in bounds(a, pose_a, b, pose_b))
     (c, edges), (other_c, others) = stored(a), stored(b)
     relative = np.linalg.inv(pose_b) @ pose_a
@@ -102,14 +105,14 @@ def check(a, pose_a, b, pose_b):
     distance = between(turn @ c + shift, edges @ turn.T, other_c, others)
     size = np.abs(turn @ c + shift - other_c).sum() + np.abs(edges).sum() + np.abs(others).sum()
     assert spheres <= bound <= distance
-    # What the walk leaves to be gained, and float32's rounding, amply. Of boxes that cross any
-    # bound is as good.
+    # The slack amply covers what the walk may leave and the rounding of float32. For boxes that
+    # cross, any bound will do.
     assert bound >= distance * (1.0 - 2e-6) - 16.0 * 2.0**-24 * size or distance == 0.0
     return bound, distance, size
 
 
 def settings():
-    """Where one box is to another: offsets in multiples of the sum of both sizes."""
+    """Return offsets of one box from another, as multiples of the sum of both sizes."""
     rng = np.random.default_rng(1)
     directions = [*np.eye(3), (1.0, 1.0, 0.0), (1.0, 1.0, 1.0), *rng.normal(size=(4, 3))]
     return [factor * np.array(d) for d in directions for factor in (1.2, 0.8, 0.1)]
@@ -121,9 +124,9 @@ def settings():
     [(i, *pair) for i, pair in enumerate(itertools.combinations_with_replacement(SHAPES, 2))],
 )
 def test_a_bound_is_the_distance_of_the_boxes(number, first, second):
-    """Also of flat, line and point boxes, side by side, edge on, crossed and inside each other.
+    """Boxes may be flat, lines or points; side by side, edge on, crossed or inside each other.
 
-    Both kinds of boxes by turns: they differ in how they are fitted, and not in their bounds.
+    The two kinds of boxes take turns: they differ in how they are fitted, not in their bounds.
     """
     kind = KINDS[number % 2]
     rng = np.random.default_rng(2)
@@ -145,7 +148,7 @@ def test_a_bound_is_the_distance_of_the_boxes(number, first, second):
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("seed", range(3))
 def test_a_bound_is_the_distance_of_any_boxes(seed, kind):
-    """Extents over four orders of magnitude, gaps over two."""
+    """Extents span four orders of magnitude, gaps two."""
     rng = np.random.default_rng(seed)
     apart = 0
     for _ in range(60):
@@ -180,7 +183,7 @@ def test_boxes_that_touch_are_not_apart(kind):
 @pytest.mark.parametrize("other", [1e-12, 1e-6, 1.0, 1e6, 1e12])
 @pytest.mark.parametrize("factor", [1e-200, 1e-30, 1e-6, 1.0, 1e6, 1e30])
 def test_boxes_of_any_size(factor, other, kind):
-    """Sizes are metres; node units take the sizes off, but not their ratio."""
+    """Sizes are metres. Node units scale them away, but not their ratio."""
     rng = np.random.default_rng(5)
     a = around(factor * corners_of((1.0, 0.5, 0.2), rng), kind)
     b = around(factor * other * corners_of((1.0, 0.7, 0.3), rng), kind)
@@ -202,7 +205,7 @@ def test_boxes_of_any_size(factor, other, kind):
 
 @pytest.mark.parametrize("threads", [1, 3])
 def test_bodies_of_both_kinds_are_asked_about_together(threads):
-    """Each kind of pair has a search of its own; the answers come in the order of the questions."""
+    """Each pair of kinds has a search of its own. Answers keep the order of the queries."""
     rng = np.random.default_rng(6)
     kinds = ("rss", "obb", "aabb", "rss", "pss")
     bodies = [of(mesh, kind) for mesh, kind in zip((torus(), box()) * 3, kinds, strict=False)]
@@ -215,13 +218,13 @@ def test_bodies_of_both_kinds_are_asked_about_together(threads):
 
 
 def turned_by(rng, digits):
-    """A pose as a file of so many digits holds it."""
+    """Return a pose rounded to so many digits, as a file may hold it."""
     return np.round(pose(rng, 2.0), digits)
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_pose_of_few_digits_costs_no_answer(kind):
-    """Such a matrix is not quite a rotation, and a box's third side is moved by it as well."""
+    """Such a matrix is not quite a rotation, and it moves the box's third side, too."""
     rng = np.random.default_rng(7)
     a, b = torus(), box((0.3, 2.0, 1.5))
     for _ in range(20):
@@ -233,7 +236,7 @@ def test_a_pose_of_few_digits_costs_no_answer(kind):
 
 
 def test_a_lane_beyond_reach_is_left_alone():
-    """It is pruned whatever its bound is; so is an empty one."""
+    """Such a lane is pruned whatever its bound is, and so is an empty lane."""
     rng = np.random.default_rng(8)
     a, b = of(torus(), "obb"), of(sphere(2), "obb")
     found, spheres = bounds(a, translation(4.0), b, pose(rng), np.float32(-2.0))
@@ -249,7 +252,7 @@ def gap(d, edges, short=0.0, enough=np.inf):
 
 
 def test_the_walk_ends_where_it_is_known():
-    """Side to side, edge to edge, corner to corner, and from within."""
+    """The nearest features are sides, edges or corners, or the origin is inside."""
     cubes = np.concatenate((np.eye(3), 0.5 * np.eye(3)))
     assert gap((4.0, 0.0, 0.0), cubes) == 2.5
     assert gap((4.0, 0.1, -1.2), cubes) == pytest.approx(2.5, rel=2e-6)
@@ -263,7 +266,7 @@ def test_the_walk_ends_where_it_is_known():
 
 
 def test_a_walk_finds_the_distance_of_any_boxes():
-    """And it errs by float64's rounding alone: the oracle does not err at all."""
+    """The bound errs above by the rounding of float64 alone. The oracle is exact."""
     rng = np.random.default_rng(13)
     apart = 0
     for _ in range(60):
@@ -284,7 +287,7 @@ def test_a_walk_finds_the_distance_of_any_boxes():
 
 
 def test_a_walk_may_end_early():
-    """What it returns is a bound all the same, and enough."""
+    """A walk that ends early returns a valid bound. It exceeds `enough` if that ended the walk."""
     rng = np.random.default_rng(9)
     for _ in range(100):
         edges, d = rng.normal(size=(6, 3)), 12.0 * rng.normal(size=3)
@@ -296,7 +299,7 @@ def test_a_walk_may_end_early():
 
 
 def lanes_of(mesh):
-    """Every used volume (k, FIELDS)."""
+    """Return the lanes of all used volumes (k, FIELDS)."""
     lanes = mesh._hierarchy.tree.nodes.reshape(-1, FIELDS, WIDTH).swapaxes(1, 2).reshape(-1, FIELDS)
     return lanes[mesh._hierarchy.tree.children != -(2**31)].astype(float)
 
@@ -324,7 +327,7 @@ def test_an_oriented_box_finds_its_axes(shape):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_box_is_thin_along_its_third_axis(kind):
-    """The swept sphere that stands for it is the smaller for it."""
+    """This keeps the swept sphere that stands for the box small."""
     lanes = lanes_of(of(torus(), kind))
     assert (lanes[:, 9] <= 1.000001 * np.minimum(lanes[:, 10], lanes[:, 11])).all()
 
@@ -335,7 +338,7 @@ def test_a_box_is_thin_along_its_third_axis(kind):
 def test_a_box_that_is_too_small_is_found(node, field, kind):
     mesh = of(torus(), kind)
     nodes = mesh._hierarchy.tree.nodes.copy()
-    # The first lane that has an extent: one of a triangle may have none.
+    # The first lane with a positive extent: the box of a triangle may have none.
     lane = int(np.argmax(nodes.reshape(-1, FIELDS, WIDTH)[node, field] > 1e-3))
     nodes.reshape(-1, FIELDS, WIDTH)[node, field, lane] *= np.float32(1.0 - 1e-5)
     with pytest.raises(AssertionError, match=rf"node \d+ lane {lane}: a corner lies .* outside"):
@@ -344,7 +347,7 @@ def test_a_box_that_is_too_small_is_found(node, field, kind):
 
 @pytest.mark.parametrize("kind", ["rss", "obb"])
 def test_a_tree_that_is_taken_for_another_is_found(kind):
-    """The type of the hierarchy says which search is compiled for it."""
+    """The type of the tree decides which search is compiled for it."""
     tree = of(torus(), kind)._hierarchy.tree
     other = BoxTree if kind == "rss" else MeshTree
     with pytest.raises(AssertionError, match=rf"{other.__name__}: .* to be '{kind}'"):

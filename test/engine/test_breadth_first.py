@@ -1,4 +1,4 @@
-"""The search level by level: its memory, its vertices, its bounds at any cut."""
+"""Breadth-first search: its memory, the vertices it keeps, and its bounds at any cut."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ from proximity_monitor.engine.questions import run, search_memory, slices
 
 A, B = sphere(3), torus(24)
 NESTED = sphere(4, 1.0), sphere(4, 1.3)
-"""Two shells with many pairs of volumes that are much alike: levels are long."""
+"""Two shells with many pairs of volumes at much the same distance, so that levels are long."""
 
 
 def triangles_under(mesh, node):
-    """Triangles, in tree order, under a node."""
+    """Return the triangles under a node, in tree order."""
     found = []
     for child in mesh._hierarchy.tree.children[node * WIDTH : (node + 1) * WIDTH].tolist():
         if child >= 0:
@@ -51,10 +51,10 @@ def test_kept_vertices_are_the_nodes_own_and_far_apart(name):
         assert sorted(under) == list(range(*ranges[node]))
         assert set(spread[node] // 3) <= set(under)
         points, kept = corners[3 * min(under) : 3 * max(under) + 3], corners[spread[node]]
-        # No two points are farther apart than twice what any is from the farthest.
+        # Two points are at most twice as far apart as any one point is from its farthest point.
         assert np.ptp(points, axis=0).max() <= 2.0 * np.linalg.norm(kept - kept[0], axis=1).max()
-        # Whatever vertex a lowest node has, it is no farther from those kept than they are from
-        # each other; a node above keeps what those below it keep.
+        # Each vertex of a lowest node is no farther from the kept ones than these are from each
+        # other. A higher node keeps vertices that its child nodes keep, or vertices of its leaves.
         children = mesh._hierarchy.tree.children[node * WIDTH : (node + 1) * WIDTH]
         if children[0] < 0:
             apart = np.linalg.norm(kept[:, None] - kept, axis=2)[np.triu_indices(4, 1)].min()
@@ -123,7 +123,7 @@ def test_a_full_list_is_searched_from_its_end(length, monkeypatch):
         lanes, bounds = search.pending()
         longest = max(longest, len(lanes))
         assert len(lanes) <= length
-        # What a volume holds is in the list once: no place was written twice.
+        # Each pair of lanes is in the list once, so no slot was written twice.
         assert len(np.unique(lanes, axis=0)) == len(lanes)
         assert lower <= search.answer[0] <= exact.upper
         lower = search.answer[0]
@@ -136,7 +136,7 @@ def test_a_full_list_is_searched_from_its_end(length, monkeypatch):
 
 
 def test_its_lower_bound_rises_level_by_level():
-    """A search depth first cannot say more than the first level until it is over."""
+    """A depth-first search proves no more than the first level until it ends."""
     pairs = {order: engine.Pair(*NESTED) for order in ("depth_first", "breadth_first")}
     exact = pairs["depth_first"].distance(IDENTITY, IDENTITY)
     halfway = {}

@@ -1,4 +1,4 @@
-"""The broad phase against all pairs of balls, compared in exact arithmetic."""
+"""The broad phase against all pairs of balls, compared exactly."""
 
 import itertools
 from fractions import Fraction
@@ -12,7 +12,7 @@ from proximity_monitor.engine.assembly.broad_phase import BroadPhase
 
 
 def meeting(centres, radii, moving):
-    """All pairs of balls that meet, by rational numbers."""
+    """Return all pairs of balls that meet, computed with rational numbers."""
     exact = [[Fraction(float(x)) for x in centre] for centre in centres]
     pairs = set()
     for i, j in itertools.combinations(range(len(radii)), 2):
@@ -43,7 +43,7 @@ def near(broad, centres, radii, moving=None, taking_part=None):
     flat=st.sampled_from([(), (0,), (0, 1), (0, 1, 2)]),
 )
 def test_no_pair_that_meets_is_left_out(seed, count, scale, away, flat):
-    """Whatever the size and place, also in a plane, on a line, in one point."""
+    """Balls of any size and place. Their centres may lie in a plane, on a line or in one point."""
     random = np.random.default_rng(seed)
     centres = random.uniform(-1.0, 1.0, (count, 3)) + away
     centres[:, list(flat)] = away
@@ -58,7 +58,7 @@ def test_no_pair_that_meets_is_left_out(seed, count, scale, away, flat):
             np.linalg.norm(centres[i] - centres[j]) - radii[i] - radii[j]
             for i, j in found - expected
         ]
-        # What rounding may add lies at the edge, or is smaller than any length that matters.
+        # Rounding adds only pairs that almost touch, or whose size is below any that matters.
         assert all(gap <= 1e-14 * (1.0 + away) for gap in gaps) or scale < 1e-100
         centres += random.normal(size=centres.shape) * 0.05
         centres[:, list(flat)] = away
@@ -100,7 +100,7 @@ def test_only_those_that_take_part_and_only_pairs_that_move():
 
 
 def test_the_list_grows_with_the_crowd():
-    """More pairs than there was room for at first, then few again."""
+    """First there are more pairs than room for them, then few again."""
     random = np.random.default_rng(3)
     broad = BroadPhase()
     centres = random.uniform(size=(200, 3))

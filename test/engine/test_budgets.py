@@ -1,4 +1,4 @@
-"""Questions of yes or no under a budget: what is not known in time is said to be undecided."""
+"""Yes-or-no queries under a budget are undecided if time ends before the answer is known."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from proximity_monitor import engine
 from proximity_monitor.engine.questions import slices, touching
 
 NESTED = sphere(3, 1.0), sphere(3, 1.03)
-"""Two shells whose distance is much the same everywhere: the hardest question there is."""
+"""Two shells at much the same distance everywhere, which is the hardest case for a search."""
 TANGLED = soup(1, 400, 3.0), soup(2, 400, 3.0)
 
 
 def until_complete(ask, is_complete):
-    """Answers with no time at all, again and again."""
+    """Return the answers of queries without time, repeated until one is complete."""
     answers = [ask()]
     while not is_complete(answers[-1]):
         answers.append(ask())
@@ -95,7 +95,7 @@ def test_another_question_does_not_go_on_with_the_last_one():
 
 @pytest.mark.parametrize("order", ["depth_first", "priority", "breadth_first"])
 def test_a_manifold_is_that_of_its_answer_whenever_it_is_read(order):
-    """No time at all is one slice of a fixed number of steps: the same answer every time."""
+    """With a budget of 0, each query runs one slice of a fixed number of steps."""
     options = {"order": order, "manifold": True, "budget_s": 0.0}
     pairs = [engine.Pair(sphere(3), sphere(3, 1.02)) for _ in range(2)]
     for _ in range(20):
@@ -131,7 +131,7 @@ def test_budgets_that_make_no_sense(ask, value):
 
 
 class Clock:
-    """Seconds that pass as steps are taken, each of them so long from a time on."""
+    """A clock that advances with each step. A pace, seconds per step, applies from a given time."""
 
     def __init__(self, *paces):
         self.now = 0.0
@@ -166,7 +166,7 @@ def test_a_slice_that_was_over_at_once_makes_no_long_one(instant, monkeypatch):
         clock.work(work.steps)
         assert not work.over()
     before = work.steps
-    clock.now += instant  # its steps met nothing
+    clock.now += instant  # its steps found nothing to do
     assert not work.over()
     clock.work(work.steps)
     assert work.steps <= 2 * before
@@ -174,7 +174,7 @@ def test_a_slice_that_was_over_at_once_makes_no_long_one(instant, monkeypatch):
 
 
 def test_a_share_of_a_budget_is_kept_for_the_end_of_a_call():
-    """A fiftieth, and no more than 100 µs: a budget of nothing has ended at once."""
+    """The share is a fiftieth, at most 100 µs. A budget of 0 ends at once."""
     assert slices.deadline_of(1.0, None) is None
     assert slices.deadline_of(1.0, 0.0) == 1.0
     assert slices.deadline_of(1.0, math.inf) == math.inf

@@ -1,6 +1,6 @@
-"""Where kernels are kept: nothing broken is taken, nor what others could have written.
+"""The cache uses no file that is broken or that another user could have written.
 
-All with the one kernel that is compiled fastest.
+Most tests use the one kernel that compiles fastest.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ NOBODY = 65534
 
 
 def run(code, place, **environment):
-    """What a process says on standard error; it has to end well."""
+    """Run code in a process, check that it succeeds, and return its standard error."""
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(place), **environment}
     done = subprocess.run(
         [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=False
@@ -39,7 +39,7 @@ def run(code, place, **environment):
 
 @pytest.fixture(scope="module")
 def warm(tmp_path_factory):
-    """A cache of one kernel, in a folder of its own."""
+    """Return a cache root that holds one kernel."""
     place = tmp_path_factory.mktemp("warm")
     run(ASK, place)
     return place
@@ -47,7 +47,7 @@ def warm(tmp_path_factory):
 
 @pytest.fixture
 def kept(warm, tmp_path):
-    """A copy of that one file, where the cache of another place has it."""
+    """Return a copy of that kernel's file in another cache root."""
     (file,) = warm.rglob("*.nbc")
     copy = tmp_path / file.relative_to(warm)
     copy.parent.mkdir(parents=True)
@@ -115,14 +115,14 @@ def test_a_truncated_file_costs_one_line_once(kept):
 
 
 def test_a_file_under_another_name_is_broken(kept):
-    """A link to what was compiled for another function, say."""
+    """For example, a link to the file of another function."""
     with kept.open("rb") as file, pytest.raises(ValueError, match="broken"):
         cache._read(file, "search.search-0.nbc")
 
 
 @pytest.mark.long
 def test_no_home_no_user_and_nothing_temporary_is_no_error(tmp_path):
-    """Only what it says: without a place, nothing is kept."""
+    """Without a place, kernels are not cached, and the process says so."""
     nowhere = (
         "import pwd, tempfile\n"
         "def missing(*_):\n    raise KeyError\n"
@@ -138,7 +138,7 @@ def test_no_home_no_user_and_nothing_temporary_is_no_error(tmp_path):
 
 @pytest.fixture
 def places(tmp_path, monkeypatch):
-    """A temporary folder of the machine, and a place to keep kernels that is none."""
+    """Make the chosen root unusable (it is a file). Return the root in a temporary folder."""
     temporary = tmp_path / "tmp"
     temporary.mkdir()
     (tmp_path / "file").touch()
@@ -221,7 +221,7 @@ assert not cache.refused
 
 
 def test_a_complete_cache_that_is_read_only_is_used(warm):
-    """As it is in an image, made by root and read by whoever runs it."""
+    """For example in a container image: root made the cache, and any user reads it."""
     with tempfile.TemporaryDirectory(dir="/tmp") as folder:
         top, temporary = Path(folder), Path(folder) / "tmp"
         temporary.mkdir()
@@ -261,7 +261,7 @@ def test_what_the_machine_code_depends_on_is_in_the_name():
 
 
 def test_each_kernel_is_kept_under_a_name_of_its_own():
-    """Those that are made of one function take the same arguments: only the name tells them."""
+    """Kernels made from one function take the same arguments, so only names tell them apart."""
     names = defaultdict(set)
     for module in walk_packages(kernels.__path__, f"{kernels.__name__}."):
         for function in vars(import_module(module.name)).values():
@@ -303,7 +303,7 @@ def ask():
 
 @pytest.mark.long
 def test_what_a_kernel_calls_is_taken_with_it_or_both_are_made_anew(tmp_path):
-    """Machine code finds that of shared kernels by name; where it does not, the process ends."""
+    """Machine code finds shared kernels by name. If a name is missing, the process ends."""
     (tmp_path / "called.py").write_text(CALLED)
 
     def ask(call="ask()"):
@@ -322,7 +322,7 @@ def test_what_a_kernel_calls_is_taken_with_it_or_both_are_made_anew(tmp_path):
 @pytest.mark.long
 @pytest.mark.parametrize("setting", ["NUMBA_ENABLE_PROFILING=1", "NUMBA_LOOP_VECTORIZE=0"])
 def test_what_was_made_for_a_profiler_is_for_no_other_process(kept, tmp_path, setting):
-    """A process that was profiled once left slow kernels to all that came after it."""
+    """Otherwise one profiled process would leave slow kernels to all later ones."""
     name, _, value = setting.partition("=")
     before = kept.read_bytes()
     assert "compiling" in run(ASK, tmp_path, **{name: value})

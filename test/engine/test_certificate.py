@@ -1,4 +1,4 @@
-"""What proofs around near points rest on, ranges of derivatives; and searches that they shorten."""
+"""Ranges of derivatives, the basis of proofs around near points; and searches these shorten."""
 
 import numpy as np
 import pytest
@@ -15,20 +15,20 @@ SAMPLES = np.linspace(0.0, 1.0, 7)
 
 
 def net_of(tree, piece):
-    """The control points of a whole piece as those of a cell: projected, and then homogeneous."""
+    """Return the control points of a whole piece, laid out as a cell's: projected, homogeneous."""
     rows = tree.nets[piece["net"] :][: 4 * piece["room"]].reshape(4, -1)
     return np.concatenate((rows[:3] / rows[3], rows)).reshape(-1)
 
 
 def across(vectors, d):
-    """The parts of vectors (k, 3) across a unit vector."""
+    """Return the parts of vectors (k, 3) perpendicular to a unit vector."""
     return vectors - np.outer(vectors @ d, d)
 
 
 @pytest.mark.parametrize("parts", [1, 16, 512])
 @pytest.mark.parametrize("decades", [0.0, 0.5, None])
 def test_ranges_hold_every_derivative(decades, parts, monkeypatch):
-    """Of rational pieces too; where weights differ too much they are infinite."""
+    """Rational pieces have ranges, too. If their weights differ too much, these are infinite."""
     monkeypatch.setattr(division, "_PIECES", parts)
     patches = torus_patches() if decades is None else [patch(3, decades=decades)]
     tree, rng = engine.ParametricSurface(patches)._hierarchy.tree, np.random.default_rng(4)
@@ -52,7 +52,7 @@ def test_ranges_hold_every_derivative(decades, parts, monkeypatch):
             middle, half = getattr(bounds, f"middle_{name}"), getattr(bounds, f"half_{name}")
             assert (np.abs(found @ d - middle) <= half + 1e-12).all()
     assert finite == 12 or (parts < 512 and decades == 0.5)
-    if parts == 512 and decades is None:  # ranges of small pieces are small
+    if parts == 512 and decades is None:  # small pieces have small ranges
         assert bounds.spread_u < 0.6 * np.linalg.norm(bounds.across_u)
 
 
@@ -77,19 +77,19 @@ POSES = np.array(
 @pytest.mark.parametrize("turned", [False, True])
 @pytest.mark.parametrize("pose", POSES)
 def test_points_on_edges_of_triangles_end_a_search(pose, turned):
-    """Both triangles beside the edge have a proof, and no way is tilted along them."""
+    """Both triangles at the edge have a proof, whose direction is not tilted along them."""
     ring = engine.ParametricSurface(torus_patches())
     ball = engine.TriangleMesh(*shapes.sphere(1.0), name="sphere")
     asked = (ring, np.eye(4), ball, pose)
     answer = engine.distance(*(asked[2:] + asked[:2] if turned else asked))
     assert answer.status is engine.Status.EXACT
     assert (answer.feature_a if turned else answer.feature_b).kind == "edge"
-    assert answer.bound_tests < 20_000  # 8,000; more than 120,000 without
+    assert answer.bound_tests < 20_000  # 8,000; without the proofs more than 120,000
 
 
 @pytest.mark.parametrize("weight", [1e-6, 1e-8, 1e-10, 1e-13, 1e-16, 1e-20])
 def test_a_segment_within_the_last_bits_of_its_parameter(weight):
-    """Most of it lies where float64 has no parameters: a proof there would be of another part."""
+    """Most of it lies between neighbouring float64 parameters; a proof there is of another part."""
     segment = engine.Curve([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]], weights=[1.0, weight])
     for x in np.random.default_rng(1).uniform(0.05, 0.95, 8):
         for height in (0.0, 1e-11, 1e-8, 1e-6, 1e-2):

@@ -1,4 +1,4 @@
-"""Two circles, and rings as thin as hairs, against 30 digits; and other pairs at their limits."""
+"""Circles, and very thin rings, against 30-digit arithmetic; and other pairs at their limits."""
 
 import itertools
 import math
@@ -22,16 +22,16 @@ DIGITS, STARTS = 30, 720
 
 
 def squared(large, radius, at, angle):
-    """The square of the distance of a placed circle's point from a circle about z; 30 digits."""
+    """Return the squared distance of a placed circle's point from a circle about z; 30 digits."""
     cos, sin = mpmath.cos(angle), mpmath.sin(angle)
     x, y, z = (at[i][3] + (at[i][0] * cos + at[i][1] * sin) * radius for i in range(3))
     return (mpmath.hypot(x, y) - large) ** 2 + z**2
 
 
 def circles_apart(large, radius, at, most=False):
-    """The least distance of a circle about z and a placed one; or how far its points are at most.
+    """Return the least distance of a placed circle from one about z, or that of its farthest point.
 
-    Every place where it is least among STARTS samples is narrowed by golden sections.
+    It refines the eight best local minima among STARTS samples by golden-section search.
     """
     sign = -1 if most else 1
     with mpmath.workdps(DIGITS):
@@ -63,14 +63,14 @@ def circles_apart(large, radius, at, most=False):
 
 
 def upright(x, y=0.0, z=0.0):
-    """A place whose axis lies along y."""
+    """Return a pose whose axis lies along y."""
     made = translation(x, y, z)
     made[:3, :3] = [[1, 0, 0], [0, 0, -1], [0, 1, 0]]
     return made
 
 
 def tilted(angle, x=0.0, y=0.0, z=0.0):
-    """A place turned about x."""
+    """Return a pose turned about x."""
     made, cos, sin = translation(x, y, z), math.cos(angle), math.sin(angle)
     made[1:3, 1:3] = [[cos, -sin], [sin, cos]]
     return made
@@ -120,7 +120,7 @@ ask._cache = bound._cache = beside_tube._cache = NullCache()
 
 
 def check_circles(around, radius, at, sharp):
-    """That the bound holds in 30 digits, and is as sharp as that share of the sizes."""
+    """Check the bound against 30 digits, and that it errs by at most `sharp` times all sizes."""
     if radius > around:
         around, radius, at = radius, around, np.linalg.inv(at)
     size = around + radius + np.linalg.norm(at[:3, 3])
@@ -159,7 +159,7 @@ def test_circles_far_away_and_of_no_radius():
 
 @pytest.mark.parametrize("gap", [1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 0.0])
 def test_circles_that_nearly_touch(gap):
-    """Through a common point, one is moved off it along the normal of both."""
+    """The circles share a point. Then one moves off it, along the normal of both."""
     rng = np.random.default_rng(13)
     for _ in range(4):
         radius, at = rng.uniform(0.1, 1.0), pose(rng, 1.0)
@@ -176,7 +176,7 @@ def test_circles_that_nearly_touch(gap):
 @pytest.mark.parametrize("z", [0.0, 1e-6, 0.3])
 @pytest.mark.parametrize("radius", [0.4, 1.0 - 1e-6, 1.0])
 def test_circles_about_one_axis(radius, z):
-    """All of one is as near to the other."""
+    """Every point of one circle is equally near to the other."""
     check_circles(1.0, radius, translation(0.0, 0.0, z), 1e-13)
     check_circles(1.0, radius, tilted(1e-9, z=z), 1e-13)
 
@@ -186,7 +186,7 @@ def test_no_point_of_an_interval_is_nearer_than_its_bound():
     turns = np.linspace(-1.0, 1.0, 401)
     for k in range(300):
         radius, at = 10.0 ** rng.uniform(-3, 0), pose(rng, 10.0 ** rng.uniform(-2, 0.3))
-        if k % 5 == 0:  # close to the axis, where rho turns fast
+        if k % 5 == 0:  # close to the axis, where the direction of rho turns fast
             at[:3, 3] = (radius * (1.0 + 10.0 ** rng.uniform(-8, -1)), 0.0, rng.uniform(0, 1))
         angle, half = rng.uniform(0.0, 2.0 * np.pi), 10.0 ** rng.uniform(-6, -0.3)
         motion = np.concatenate((at[:3, :3].ravel(), at[:3, 3]))
@@ -254,7 +254,7 @@ def test_thin_rings_at_random():
 @pytest.mark.parametrize("gap", [1e-12, 1e-9, 1e-3])
 @pytest.mark.parametrize("kind", ["outside", "interlocked", "tilted"])
 def test_rings_that_nearly_touch(kind, gap):
-    """To a gap that circles in 30 digits confirm."""
+    """30-digit circles confirm the gap."""
     apart = 0.3 + 0.2 + gap
     at = {
         "outside": translation(1.0 + 0.7 + apart, 0.0, 0.0),
@@ -272,7 +272,7 @@ def test_rings_that_nearly_touch(kind, gap):
     "at", [translation(0.05, 0.0, 0.1), tilted(0.2), tilted(0.1, 0.02, 0.03, 0.04)]
 )
 def test_a_ring_in_the_tube_of_another(at):
-    """Their surfaces are apart by the tube's radius less how far the inner circle strays."""
+    """The gap is the difference of the tubes' radii minus how far the inner circle strays."""
     expected = 0.4 - 0.02 - circles_apart(1.0, 0.95, at, most=True)
     found = engine.distance(torus(1.0, 0.4), IDENTITY, torus(0.95, 0.02), at)
     assert found.lower <= expected + 1e-14 and found.upper >= expected - 1e-14
@@ -283,7 +283,7 @@ def test_a_ring_in_the_tube_of_another(at):
 
 @pytest.mark.parametrize("off", [0.0, 1e-12, 1e-9])
 def test_a_link_of_a_chain_that_reaches_the_axis_of_the_other(off):
-    """The points beside the axis are the nearest, and none that is easy to find."""
+    """The nearest points lie near the axis, where they are hard to find."""
     at, link = upright(1.0, off), torus(1.0, 0.1)
     found = engine.distance(link, IDENTITY, link, at)
     expected = circles_apart(1.0, 1.0, at) - 0.2
@@ -292,7 +292,7 @@ def test_a_link_of_a_chain_that_reaches_the_axis_of_the_other(off):
 
 
 def test_a_thin_ring_in_a_tube_that_is_nearest_in_two_places():
-    """The second of them lay between the two parts of a sector that is almost all of a turn."""
+    """Halving a sector of almost a full turn leaves no gap: the second place would lie in it."""
     large, tube, radius, thin = 0.243192549, 0.204462611, 0.25129693, 2.47713013e-4
     at = tilted(8.0824013e-6, 3.91746048e-6, -2.35908564e-6, -2.06665678e-6)
     expected = tube - thin - circles_apart(large, radius, at, most=True)
@@ -330,21 +330,21 @@ def test_both_parts_of_a_sector_are_all_of_it(half):
 @pytest.mark.parametrize("bulge", [1e-3, 1e-9, 1e-14, 0.0])
 @pytest.mark.parametrize("at", [translation(2.5, 0.0, 0.1), tilted(0.6, 2.5)])
 def test_arcs_that_are_nearly_straight(bulge, at):
-    """Barrels whose sides are parabolas of that height, by the middles of their sides."""
+    """The sides of two barrels are parabolas of height `bulge`; the oracle takes their middles."""
     corners = [(0.0, -1.0), (1.0, -1.0), (1.0, 1.0), (0.0, 1.0)]
     curves = [Curve(ends) for ends in itertools.pairwise(corners)]
     curves[1] = Curve([(1.0, -1.0), (1.0 + 2.0 * bulge, 0.0), (1.0, 1.0)])
     barrel = SolidOfRevolution(curves)
     found = engine.distance(barrel, IDENTITY, barrel, at)
     low = 0.5 - 2.0 * bulge
-    # Side by side they are nearest a little off the middles, where these are at unlike heights.
+    # If the middles differ in height, the nearest points are a little off them.
     assert found.lower <= low + 0.01 * bulge + 1e-15 and found.upper >= low - 1e-15
-    # Where sides bend by less than what bounds resolve, they bend unknown to these.
+    # Bounds do not see a bend that is smaller than their resolution.
     assert found.upper - found.lower <= 1e-10 + 2.0 * bulge
 
 
 def test_two_profiles_of_500_spans():
-    """On parallel axes the nearest points are in the plane of both: samples of it, by scipy."""
+    """The axes are parallel, so the nearest points lie in their plane. Scipy samples it."""
     count = 503
     knots = np.concatenate((np.zeros(3), np.arange(501.0), np.full(3, 500.0)))
     z = np.linspace(0.0, 1.0, count)

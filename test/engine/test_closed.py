@@ -1,4 +1,4 @@
-"""Whether patches close up: with unlike knots, degrees and parameters, but not across gaps."""
+"""Patches close up in spite of different knots, degrees and parameters, but not across gaps."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from proximity_monitor.engine import ModelError, ParametricSurface, Patch
 
 
 def of(net):
-    """The Bezier patch of homogeneous control points (n_u, n_v, 4)."""
+    """Return the Bezier patch of homogeneous control points (n_u, n_v, 4)."""
     return Patch(net[..., :3] / net[..., 3:], weights=net[..., 3])
 
 
@@ -20,7 +20,7 @@ def homogeneous(part):
 
 
 def halves(part, t):
-    """The patches before and behind a parameter u, by de Casteljau."""
+    """Split a patch at a parameter u, by de Casteljau's algorithm; return both parts."""
     level = homogeneous(part)
     first, last = [level[0]], [level[-1]]
     while len(level) > 1:
@@ -31,7 +31,7 @@ def halves(part, t):
 
 
 def raised(part):
-    """The same patch, one degree higher in u."""
+    """Return the same patch, one degree higher in u."""
     net = homogeneous(part)
     share = (np.arange(len(net) + 1) / len(net))[:, None, None]
     zero = np.zeros_like(net[:1])
@@ -39,18 +39,18 @@ def raised(part):
 
 
 def hurried(part):
-    """The same patch, whose parameter u runs otherwise."""
+    """Return the same patch with another parametrisation in u."""
     net = homogeneous(part)
     return of(net * 3.0 ** np.arange(len(net))[:, None, None])
 
 
 def swapped(part):
-    """The same patch with u for v, and the other side out."""
+    """Return the same patch with u and v swapped, so that the other side is out."""
     return of(homogeneous(part).transpose(1, 0, 2))
 
 
 def turned(part):
-    """The same patch, seen from the same side, whose edges are numbered otherwise."""
+    """Return the same patch with the same side out, but with its edges numbered differently."""
     return of(homogeneous(part).transpose(1, 0, 2)[::-1])
 
 
@@ -62,7 +62,7 @@ def replaced(change, which=5, parts=torus_patches):
 
 
 def one_patch():
-    """A torus as a single patch, whose edges lie on each other."""
+    """Return a torus as a single patch, whose opposite edges coincide."""
     ring = [QUARTER @ np.array([[c, s], [-s, c]]) for c, s in ((1, 0), (0, 1), (-1, 0), (0, -1))]
     ring = np.concatenate([each[:2] for each in ring] + [ring[0][:1]])
     weights = np.append(np.tile(QUARTER_WEIGHTS[:2], 4), 1.0)
@@ -74,7 +74,7 @@ def one_patch():
 
 
 def cube():
-    """Six bilinear patches."""
+    """Return a cube of six bilinear patches."""
     made = []
     for axis in range(3):
         for side in (0.0, 1.0):
@@ -86,7 +86,7 @@ def cube():
 
 
 def cusped():
-    """A torus whose parameters stand still at the corners of each patch."""
+    """Return closed patches whose derivatives by u vanish at both ends of u."""
     made = []
     for part in torus_patches():
         control = part.control.copy()
@@ -131,7 +131,7 @@ def moved(part):
 
 
 def bulging(part):
-    """Another curve between the same corners."""
+    """Return a patch with another edge between the same corners."""
     control = part.control.copy()
     control[1, 0] += 1e-6
     return Patch(control, weights=part.weights)

@@ -1,4 +1,4 @@
-"""Closest points of a surface to many points, against brute force and exact arithmetic."""
+"""Closest points of a model to many points, against brute force and exact arithmetic."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def test_points_far_away(far):
     expected = np.linalg.norm(given, axis=1)
     assert (np.abs(found.upper - expected) <= 2.0 + 1e-14 * expected).all()
     assert (found.lower <= found.upper).all()
-    # Where float64 still tells them apart, the nearest point lies on the side of the asker.
+    # If float64 resolves the model at this distance, the nearest point is on the near side.
     if far <= 1e10:
         assert (np.einsum("ij,ij->i", found.points, given) > 0.0).all()
 

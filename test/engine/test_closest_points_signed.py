@@ -1,4 +1,4 @@
-"""Closest points with signs, against solid angles, brute force and shapes that are known."""
+"""Closest points with signs, against solid angles, brute force and known shapes."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ SOLIDS = {
 
 
 def winding_numbers(points, corners):
-    """Sums of solid angles over 4 pi (Van Oosterom and Strackee)."""
+    """Return the sums of solid angles over 4 pi (Van Oosterom and Strackee)."""
     a, b, c = np.moveaxis(corners[None] - points[:, None, None], 2, 0)
     la, lb, lc = (np.linalg.norm(each, axis=-1) for each in (a, b, c))
     above = np.einsum("...i,...i", a, np.cross(b, c))
@@ -49,7 +49,7 @@ def winding_numbers(points, corners):
 
 
 def expected_of(model, matrix, given):
-    """Signed distances, brute force, and how sure their signs are."""
+    """Return signed distances by brute force, and how far winding numbers are from 1/2."""
     corners = triangles(model, matrix)
     distances = pairwise_distances(np.repeat(given[:, None], 3, axis=1), corners).min(axis=1)
     winding = np.abs(winding_numbers(given, corners))
@@ -57,7 +57,7 @@ def expected_of(model, matrix, given):
 
 
 def around(model, rng, matrix, count=150):
-    """Points in and near a model, some upon it."""
+    """Return points in and near a model, some of them on it."""
     corners = triangles(model, matrix)
     some = corners[rng.integers(len(corners), size=20)]
     upon = np.einsum("ni,nij->nj", rng.dirichlet((1, 1, 1), 20), some)
@@ -86,7 +86,7 @@ def test_signs_are_those_of_solid_angles(name):
 
 
 def test_next_to_a_face_the_bounds_hold_the_exact_value():
-    """Two faces of a cube of 2 m, at every distance from them that float64 knows."""
+    """Points beside one face of a 2 m cube, at 0.5 m down to the resolution of float64."""
     cube = box((2.0, 2.0, 2.0))
     steps = np.concatenate((2.0 ** -np.arange(1, 70), [0.0]))
     x = np.unique(np.concatenate((1.0 - steps, 1.0 + steps)))
@@ -101,7 +101,7 @@ def test_next_to_a_face_the_bounds_hold_the_exact_value():
 
 @pytest.mark.parametrize("seed", range(3))
 def test_next_to_a_turned_face_the_bounds_hold_the_exact_value(seed):
-    """So near that rounding the point's place in the model decides about its side."""
+    """The points are so near that the rounding of their local coordinates may change the side."""
     rng = np.random.default_rng(seed)
     cube, matrix = box((2.0, 2.0, 2.0)), pose(rng, 10.0)
     face = np.array([(1.0, -1.0, -1.0), (1.0, 1.0, -1.0), (1.0, -1.0, 1.0)])
@@ -122,7 +122,7 @@ def test_next_to_a_turned_face_the_bounds_hold_the_exact_value(seed):
 
 
 def rounded_cube(p, half, radius):
-    """Signed distance of points to a cube swept by a ball: that to the cube less the radius."""
+    """Return signed distances to a cube swept by a ball: those to the cube minus the radius."""
     q = np.abs(p) - half
     return np.linalg.norm(np.maximum(q, 0.0), axis=1) + np.minimum(q.max(axis=1), 0.0) - radius
 
@@ -161,7 +161,7 @@ def test_swept_models_are_what_they_stand_for(name):
     foot = (found.points - matrix[:3, 3]) @ matrix[:3, :3]
     assert np.abs(signed_distance(foot)).max() < 1e-13
     assert np.linalg.norm(given - found.points, axis=1) == pytest.approx(np.abs(expected))
-    # Outward: a little farther along it is as much farther out.
+    # Normals point outward: a short step along one adds its length to the distance.
     outward = found.normals @ matrix[:3, :3]
     assert signed_distance(foot + 1e-3 * outward) == pytest.approx(1e-3, abs=1e-12)
 

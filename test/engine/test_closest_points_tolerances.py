@@ -1,4 +1,4 @@
-"""Closest points of many points to within an error: what is promised, and what stays certain."""
+"""Closest points to many points within a tolerance: the bounds are as tight as promised."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ ERRORS = [(0.1, 0.0), (1e-3, 0.0), (0.0, 0.05), (0.0, 1e-4), (1e-2, 1e-3)]
 
 
 def asked(model, points, rel_err, abs_err, matrix=IDENTITY, **more):
-    """The exact answer, and one to within errors whose bounds are as near as these say."""
+    """Return the exact answer and one within tolerances, after checking its bounds."""
     exact = engine.closest_points(model, matrix, points, **more)
     found = engine.closest_points(
         model, matrix, points, rel_err=rel_err, abs_err=abs_err, **more
@@ -48,7 +48,7 @@ def test_bounds_are_as_near_as_was_asked_for(name, signed):
     matrix = pose(rng, 1.0)
     centre = matrix[:3, :3] @ model.centre + matrix[:3, 3]
     points = centre + model.radius * rng.uniform(-1.5, 1.5, (300, 3))
-    points[:30] = engine.closest_points(model, matrix, points[:30]).points  # and near the surface
+    points[:30] = engine.closest_points(model, matrix, points[:30]).points  # some near the surface
     points[:30] += 1e-3 * rng.normal(size=(30, 3))
     farther = 0
     for rel_err, abs_err in ERRORS:
@@ -57,7 +57,7 @@ def test_bounds_are_as_near_as_was_asked_for(name, signed):
         outside = found.lower > 0.0
         assert np.allclose(distances[outside], found.upper[outside] - model.deviation, atol=1e-9)
         farther += (found.upper > exact.upper + ROUNDING).sum()
-    assert farther > 20  # else nothing was spared
+    assert farther > 20  # otherwise the tolerance saved nothing
 
 
 @pytest.mark.parametrize("name", MODELS)
@@ -90,7 +90,7 @@ def test_what_is_beyond_the_largest_distance_is_so_in_spite_of_errors(name, sign
 
 @pytest.mark.parametrize("name", ["torus", "solid of patches", "revolution"])
 def test_sides_are_found_of_points_nearer_than_the_error(name):
-    """Where no side is told, bounds of either sign are no farther apart than the error."""
+    """If a point's side stays open, its bounds have both signs and differ by at most the error."""
     model, rng = MODELS[name], np.random.default_rng(8)
     on = engine.closest_points(model, IDENTITY, rng.normal(size=(100, 3)), normals=True)
     depths = rng.uniform(-0.1, 0.1, 100)
@@ -100,7 +100,7 @@ def test_sides_are_found_of_points_nearer_than_the_error(name):
 
 
 def test_errors_bound_what_a_long_search_tolerates():
-    """About the centre of a sphere all of it is about as near; a search tolerates ever more."""
+    """Near its centre, all of a sphere is about equally near. A long search tolerates ever more."""
     points = 1e-3 * np.random.default_rng(0).normal(size=(10, 3))
     model = engine.ParametricSurface(sphere_patches())
     asked(model, points, 1e-3, 0.0)

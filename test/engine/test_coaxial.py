@@ -1,4 +1,4 @@
-"""Solids of revolution in one another, about one axis or nearly so, as shafts in bores."""
+"""Nested solids of revolution about the same axis, or nearly so, such as shafts in bores."""
 
 import functools
 import itertools
@@ -34,7 +34,11 @@ def begin_of(table, b, sector, motion, normal, azimuth):
 
 @njit(pipeline_class=ROOT)
 def proven(table_a, table_b, a, b, motion, start, extent, aside, wanted):
-    """The distance beside a minimum, and what is proven of a box of that extent around there."""
+    """Return the least distance proven in a box beside a minimum, its middle angle, and its limits.
+
+    `extent` holds half sizes: two curve parameters and an angle. `aside` is the offset from the
+    minimum as a share of these.
+    """
     (one, _), (other, _) = tree_at(RevolutionTree, table_a), tree_at(RevolutionTree, table_b)
     arc_a, arc_b = one.arcs[a], other.arcs[b]
     curves = one.curves[arc_a.curve], other.curves[arc_b.curve]
@@ -49,7 +53,7 @@ def proven(table_a, table_b, a, b, motion, start, extent, aside, wanted):
 
 
 def turn(tilt, around=0.0):
-    """A rotation by the tilt, about an axis across z."""
+    """Return a rotation by `tilt` about the y axis, which is turned by `around` about z."""
     c, s, made = math.cos(tilt), math.sin(tilt), np.eye(4)
     made[:3, :3] = [[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]]
     spin = np.eye(4)
@@ -58,19 +62,19 @@ def turn(tilt, around=0.0):
 
 
 def lines(*points):
-    """A solid whose profile runs straight from point to point."""
+    """Return a solid whose profile runs straight from point to point."""
     points = np.array(points, float)
     return SolidOfRevolution([Curve(points[k : k + 2]) for k in range(len(points) - 1)])
 
 
 def bore(radius, half):
-    """A tube, from z = -half to half."""
+    """Return a tube from z = -half to half."""
     wide = radius + 0.2
     return lines((radius, -half), (wide, -half), (wide, half), (radius, half), (radius, -half))
 
 
 def socket(radius):
-    """A block with half a ball taken out of its top."""
+    """Return a block with half a ball removed from its top."""
     block = [Curve([(0, -1), (1, -1)]), Curve([(1, -1), (1, 0)]), Curve([(1, 0), (radius, 0)])]
     quarter = [(radius, 0), (radius, -radius), (0, -radius)]
     hollow = Curve(quarter, [0, 0, 0, 1, 1, 1], [1.0, math.sqrt(0.5), 1.0])
@@ -95,7 +99,7 @@ NESTED = {
 
 @pytest.mark.parametrize("name", NESTED)
 def test_continua_of_nearest_points_have_exact_distances(name):
-    """They took all the room for pairs, 25 ms, and stayed open."""
+    """Without bounds about one axis, these searches fill the room for pairs in 25 ms, unsettled."""
     a, b, at, expected = NESTED[name]
     for found in (engine.distance(a, IDENTITY, b, at), engine.distance(b, at, a, IDENTITY)):
         assert found.status is Status.EXACT
@@ -124,12 +128,12 @@ def test_a_shaft_that_is_too_wide_crosses_its_bore(tilt, height):
 
 @pytest.mark.parametrize(("tilt", "off"), [*itertools.product([*SMALL, 0.1], SMALL)])
 def test_a_tilted_shaft_in_a_long_bore(tilt, off):
-    """One of its rims is nearest to the wall, straight across it."""
+    """The nearest point is on one of the shaft's rims; the gap is perpendicular to the wall."""
     radius, length, wide = 0.5, 0.6, 0.65
     shaft, tube = cylinder(radius, length), bore(wide, 1.2)
     at = translation(off, 0.4 * off, 0.1) @ turn(tilt, 0.7)
 
-    # Its ends are at z = 0 and z = length.
+    # The shaft's ends are at z = 0 and z = length.
     def within(angle, side):
         rim = (radius * math.cos(angle), radius * math.sin(angle), side * length)
         return -math.hypot(*(at[:3, :3] @ rim + at[:3, 3])[:2])
@@ -170,7 +174,7 @@ def test_nested_solids_as_their_patches(seed):
 
 
 def points_under(solid, arc, count):
-    """Points (k, 2) of the part of a profile under an arc; of all of it if that has no piece."""
+    """Return points (k, 2) of the profile under an arc; of all of it if the arc has no piece."""
     curves = solid._hierarchy.curves
     t = np.linspace(arc["low"], arc["high"], count)
     made = []
@@ -188,7 +192,7 @@ def motion_of(at):
 @pytest.mark.long
 @pytest.mark.parametrize("name", ["vase", "torus", "cylinder", "rational", "many spans"])
 def test_no_point_begins_before_its_bound(name):
-    """Whatever the tilt, the sector and the direction; and about one axis that is where it does."""
+    """The bound holds for any tilt, sector and direction. About one axis, it is tight."""
     solid, rng, tight = SOLIDS[name], np.random.default_rng(len(name)), 0
     hierarchy = solid._hierarchy
     single = np.flatnonzero(hierarchy.arcs["curve"] >= 0)
@@ -244,7 +248,7 @@ def test_no_points_are_nearer_than_their_circles():
 
 @pytest.mark.parametrize("wanted", [-1.0, 1e-3, math.inf])
 def test_nothing_around_a_minimum_is_nearer_than_is_proven(wanted):
-    """Of lines that are about parallel, and of others."""
+    """The profiles are nearly parallel lines, and other curves."""
     inner = [
         cylinder(0.5, 0.6),
         SOLIDS["wavy"],
@@ -287,7 +291,7 @@ def test_nothing_around_a_minimum_is_nearer_than_is_proven(wanted):
 
 @pytest.mark.parametrize("off", [1e-9, 1e-7, 1e-5, 1e-3])
 def test_an_end_on_the_axis_beside_an_axis_that_is_nearly_the_same(off):
-    """There the distance from the other axis bends most: to part sectors does not help."""
+    """The distance from the other axis bends most there, and halving sectors does not help."""
     ring = lines((0.4, 0), (0.6, -0.2), (0.6, 0.2), (0.4, 0))
     plug = lines((0, -0.4), (0.3, -0.4), (0, 0.5))
     beside = translation(off, 0.0, 0.0)
@@ -295,13 +299,13 @@ def test_an_end_on_the_axis_beside_an_axis_that_is_nearly_the_same(off):
     swapped = engine.distance(plug, beside, ring, IDENTITY)
     assert found.status is swapped.status is Status.EXACT
     assert found.lower <= swapped.upper and swapped.lower <= found.upper
-    # The nearest point of the cone is that in the plane of both axes, on the ring's near side.
+    # The nearest point of the cone lies in the plane of both axes, on the ring's near side.
     cone = np.array([0.9, 0.3]) / math.hypot(0.9, 0.3)
     assert found.upper == pytest.approx(cone @ (0.4 - off, -0.5), abs=1e-12)
 
 
 def test_steep_lines_that_cross_flat_ones_about_one_axis():
-    """Their chords may seem far apart at first: the minimum has to be looked for all the same."""
+    """Their chords may seem far apart at first, but the search must still find the minimum."""
     rng = np.random.default_rng(77)
     for _ in range(60):
         narrow, high, below, more = rng.uniform([0.3, 0.4, 0.001, 0.0], [0.6, 0.6, 0.04, 0.05])
@@ -313,7 +317,7 @@ def test_steep_lines_that_cross_flat_ones_about_one_axis():
 
 
 def test_no_yes_is_decided_that_no_points_attain():
-    """Where room ends before it is known, as where an edge bends like the ring beside it."""
+    """Memory ends before the answer is known: an edge bends almost like the ring beside it."""
     ring, tube = (
         torus(1.0, 0.1),
         lines((1.9, -0.1), (2.1, -0.1), (2.1, 0.1), (1.9, 0.1), (1.9, -0.1)),

@@ -1,4 +1,4 @@
-"""What is kept of one moment's search for the next: it spares tests, and changes no answer."""
+"""What a search keeps for the next tick saves tests and changes no answer."""
 
 from functools import partial
 
@@ -24,21 +24,21 @@ STEPS = (0.0, 1e-15, 1e-9, 1e-4, 1e-3, 1e-2, 0.1)
 
 
 def pose(turn, at):
-    """A pose (4, 4) of a rotation and a place."""
+    """Return a pose (4, 4) from a rotation and a position."""
     matrix = np.eye(4)
     matrix[:3, :3], matrix[:3, 3] = turn, at
     return matrix
 
 
 def turned(axis, angle):
-    """A rotation (3, 3)."""
+    """Return a rotation (3, 3)."""
     x, y, z = np.asarray(axis) / np.linalg.norm(axis)
     skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     return np.eye(3) + np.sin(angle) * skew + (1.0 - np.cos(angle)) * skew @ skew
 
 
 def wander(rng, step, count, nearest=1.0):
-    """Poses along which a body moves and turns by about `step` a time, around the other."""
+    """Yield poses of a body that moves and turns around another, by about `step` each time."""
     at, turn = rng.normal(size=3), rotation(rng)
     at *= rng.uniform(nearest, 3.0) / np.linalg.norm(at)
     for _ in range(count):
@@ -76,7 +76,7 @@ def test_answers_along_a_path_are_those_of_single_questions(bodies, step):
         pair = engine.Pair(a, b)
         for k, at in enumerate(wander(rng, step, 40)):
             alone = engine.distance(a, IDENTITY, b, at)
-            if k % 5 == 2:  # other questions in between
+            if k % 5 == 2:  # other queries in between
                 assert pair.within(IDENTITY, at, 0.5).within == (alone.lower <= 0.5)
                 assert pair.collide(IDENTITY, at).colliding == (alone.lower == 0.0)
             if k % 7 == 3:
@@ -107,7 +107,7 @@ def test_every_order_and_volume_keeps_its_answers(order, volume):
 
 
 def _tests(search, path):
-    """How many bound tests a search makes along a path, but for its first moments."""
+    """Return how many bound tests a search makes along a path, without its first three poses."""
     made = []
     for at in path:
         search.run(IDENTITY, at)
@@ -116,7 +116,7 @@ def _tests(search, path):
 
 
 def leaps(rng, count, nearest):
-    """Poses around the other body that have nothing to do with each other."""
+    """Yield unrelated poses around the other body."""
     for _ in range(count):
         yield next(wander(rng, 0.0, 1, nearest))
 
@@ -179,7 +179,7 @@ def test_a_model_that_was_refitted_is_looked_at_anew():
         pair = engine.Pair(a, b)
         for _ in range(3):
             found = pair.distance(IDENTITY, at)
-        # Not far from where they were nearest, one comes a little nearer.
+        # A vertex not far from the nearest point moves a little nearer.
         vertices = np.array(a.vertices)
         away = np.linalg.norm(vertices - found.point_b, axis=1)
         k = np.argsort(away)[rng.integers(5, 300)]
@@ -208,7 +208,7 @@ def test_the_ideal_search_knows_nothing_of_before():
 
 
 def test_a_search_begins_with_the_points_that_were_nearest():
-    """A large tolerance needs no more than them: no two triangles are compared."""
+    """With a large tolerance these points suffice: no two triangles are compared."""
     a, b = sphere(4), torus(48)
     pair = engine.Pair(a, b)
     path = list(wander(np.random.default_rng(23), 1e-4, 20, nearest=2.6))

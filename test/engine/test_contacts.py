@@ -1,4 +1,4 @@
-"""Points and normals of contacts, against what bodies of known shape must give."""
+"""Points and normals of contacts, against those that known shapes must give."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from proximity_monitor import engine
 
 
 def test_a_corner_in_a_face_is_pushed_out_through_it():
-    """A box stands on its corner, a little deep in the top of another."""
+    """A box stands on its corner, which is a little below the top face of another box."""
     rng = np.random.default_rng(1)
     table, stone = box((4.0, 4.0, 1.0)), box((1.0, 1.0, 1.0))
     top = table.vertices[:, 2].max()
@@ -94,7 +94,7 @@ def test_without_contact_there_is_neither():
 
 
 def test_no_volume_is_listed_as_a_contact():
-    """Rounding of a radius may let one lie between what may touch and what is asked about."""
+    """Rounding of the radius may put a volume's bound between the limits of search and contact."""
     rng = np.random.default_rng(0)
     near = rng.uniform(-0.2, 0.2, (16, 3))
     far = np.array([1.5, 0.0, 0.0]) + rng.uniform(-1, 1, (4, 3)) * [0.0003, 0.001, 0.001]

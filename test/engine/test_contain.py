@@ -1,4 +1,4 @@
-"""The signs of many pairs in one call: open wherever the models may overlap, and nowhere else."""
+"""Signs of many pairs in one call: open wherever models may overlap, and nowhere else."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ OUT_OF_TIME = tuple(engine.Status).index(engine.Status.OUT_OF_TIME)
 
 
 def shells() -> engine.TriangleMesh:
-    """A ball with a cavity, and two small ones beside it."""
+    """Return a ball with a cavity, and two small balls beside it."""
     parts = [trimesh.creation.icosphere(1, size) for size in (1.0, 0.8, 0.1, 0.1)]
     parts[1].invert()
     parts[2].apply_translation((1.5, 0.0, 0.0))
@@ -83,7 +83,7 @@ def test_what_the_upper_bound_decides_counts_as_ended():
 
 
 def test_what_is_cut_has_no_sign():
-    """Its lower bound is one of the surfaces' distance alone."""
+    """A cut search bounds the surfaces' distance alone; whether models overlap stays open."""
     poses = np.array([pose(np.random.default_rng(6), 0.2) for _ in MODELS])
     for row in rows(poses, budget_s=0.0):
         assert np.isnan(row[index.STATUS]) or row[index.LOWER] == -np.inf or row[index.LOWER] > 0.0
@@ -91,7 +91,7 @@ def test_what_is_cut_has_no_sign():
 
 @pytest.mark.parametrize("steps", [0, 1])
 def test_signs_are_settled_step_by_step(steps, monkeypatch):
-    """And where there is no step left, what a part of a model may be inside is open."""
+    """Without any step, it stays open whether a part of one model is inside the other."""
     poses = np.array([pose(np.random.default_rng(7), 1.0) for _ in MODELS])
     whole, settle, cut = rows(poses), assembly.settle_signs, []
 
@@ -114,7 +114,7 @@ def test_signs_are_settled_step_by_step(steps, monkeypatch):
 
 
 def test_walls_that_solids_share_count_from_both_sides():
-    """And so does a sheet that is drawn from both: in a search, one of the two is left out."""
+    """A sheet drawn from both sides counts from both, too. A search leaves out one of its faces."""
     cube = trimesh.creation.box((1.0, 1.0, 1.0))
     mirrored = trimesh.Trimesh(cube.vertices * (-1.0, 1.0, 1.0), cube.faces[:, ::-1])
     cubes = [(cube, mirrored)[i % 2].copy().apply_translation((i, 0, 0)) for i in range(3)]

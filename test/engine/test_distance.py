@@ -40,7 +40,7 @@ LARGE_PAIRS = [
 
 
 def extent(a, b, pose_a, pose_b):
-    """The coordinates' magnitude, of which rounding takes a share."""
+    """Return the magnitude of the coordinates; rounding errors are a share of it."""
     return a.radius + b.radius + float(np.linalg.norm(pose_a[:3, 3] - pose_b[:3, 3]))
 
 
@@ -53,7 +53,7 @@ def check_witness(mesh, matrix, point, feature):
 
 
 def check_answer(a, pose_a, b, pose_b, found):
-    """What every answer promises of its witnesses, whatever stopped the search."""
+    """Check what every answer promises of its witness points, whatever stopped the search."""
     check_witness(a, pose_a, found.point_a, found.feature_a)
     check_witness(b, pose_b, found.point_b, found.feature_b)
     world = np.abs([found.point_a, found.point_b]).max()
@@ -113,7 +113,7 @@ def test_surfaces_inside_each_other_are_apart():
 
 @pytest.mark.parametrize("far", [1e3, 1e8, 2.0**40])
 def test_bodies_far_from_the_origin_keep_their_clearance(far):
-    """The translations are exact here, so the relative motion is, and so is the answer."""
+    """These translations are exact in float64, so relative motion and answer stay the same."""
     a, b = SMALL["torus"], SMALL["box"]
     rng = np.random.default_rng(8)
     for _ in range(10):
@@ -157,10 +157,10 @@ def test_poses_of_six_digits_are_within_their_share():
 
 
 def test_imperfect_rotations_prune_nothing_that_is_nearer():
-    """Rotations that stretch by all they may, and plates that are nearly as near everywhere.
+    """The rotations stretch as much as permitted; the plates are about equally near everywhere.
 
-    The transposed rotation is no exact inverse then. The same question without any: the vertices
-    of b, moved into the frame of a beforehand.
+    The transposed rotation is then no exact inverse. The oracle is the same query without
+    rotations: the vertices of b are moved into a's frame beforehand.
     """
     a = b = plate(16)
     rng = np.random.default_rng(12)
@@ -181,7 +181,7 @@ def test_imperfect_rotations_prune_nothing_that_is_nearer():
 
 
 def test_the_oracles_agree_with_each_other():
-    """An oracle that shares a mistake with nobody: three of them, on the same poses."""
+    """Three independent oracles agree on the same poses, so none has a mistake of its own."""
     a, b = SMALL["torus"], SMALL["box"]
     rng = np.random.default_rng(13)
     for _ in range(5):

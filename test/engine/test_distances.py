@@ -11,7 +11,7 @@ from engine_bodies import IDENTITY, box, pose, soup, sphere, torus
 from proximity_monitor import engine
 
 COUNT = 1300
-"""More than five of the portions that threads take."""
+"""More than five times what a thread takes at once."""
 
 FIELDS = (
     "lower", "upper", "points_a", "points_b", "elements", "bound_tests", "primitive_tests",
@@ -19,7 +19,7 @@ FIELDS = (
 
 
 def path(seed, count=COUNT):
-    """Poses along a path of small steps, with a jump now and then."""
+    """Return poses along a path of small steps, with a jump now and then."""
     rng = np.random.default_rng(seed)
     poses = np.empty((count, 4, 4))
     for k in range(count):

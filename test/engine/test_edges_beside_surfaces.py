@@ -12,9 +12,10 @@ RING = engine.ParametricSurface(torus_patches(MAJOR, MINOR))
 
 
 def inside_the_ring(rng, height):
-    """A point so high above the saddle within the ring; the direction there, one along the ring.
+    """Return a point `height` above the saddle inside the ring, the normal, and a tangent.
 
-    Last, how much the points that are as high bend towards the ring's middle, 1/metres.
+    The tangent runs along the ring. The last value is how much the surface of equal height
+    bends towards the ring's middle, 1/metres.
     """
     angle, side = rng.uniform(0.0, 2.0 * np.pi), rng.uniform(2.4, 3.8)
     middle = np.array([np.cos(angle), np.sin(angle), 0.0])
@@ -33,7 +34,10 @@ def tip(rng, height, size, share):
 
 
 def ridge(rng, height, size, share):
-    """Across the ring, where the surface bends away, so that the nearest point is within it."""
+    """Return two triangles with an edge across the ring. Its nearest point is not at an end.
+
+    The surface bends away there.
+    """
     point, n, along, bend = inside_the_ring(rng, height)
     across, rise = np.cross(n, along), 0.5 * share * bend * size**2
     sides = [point + rise * n + size * along, point + rise * n - size * along]
@@ -44,10 +48,10 @@ def ridge(rng, height, size, share):
     "made, height, most", [(tip, 0.45, 1100), (ridge, 0.15, 300)], ids=["tip", "ridge"]
 )
 def test_a_tip_and_a_ridge_above_a_saddle_end_soon(made, height, most):
-    """The corners around it are but 1.2 times as high as would be as near.
+    """The other corners rise only 1.2 times as much as would make them equally near.
 
-    There the distance falls along the saddle as both points move, but for the triangle's slope.
-    Without a proof that knows of it a search takes 1,500 and 400 bounds.
+    If both points move along the saddle, the distance falls, but for the triangle's slope.
+    Without a proof that knows the slope, a search takes 1,500 and 400 bounds.
     """
     rng = np.random.default_rng(7)
     bounds = []
@@ -64,7 +68,7 @@ def test_a_tip_and_a_ridge_above_a_saddle_end_soon(made, height, most):
 @pytest.mark.long
 @pytest.mark.parametrize("seed", range(6))
 def test_nothing_of_a_triangle_that_is_about_as_near_all_over_is_nearer_than_the_bound(seed):
-    """Its corners are about as high above a wavy surface: whether one is the nearest is unclear."""
+    """Its corners are about equally high above a wavy surface, so perhaps none is the nearest."""
     rng = np.random.default_rng(seed)
     surface = patch(seed, shape=(6, 6), degrees=(3, 3))
     model = engine.ParametricSurface([surface])

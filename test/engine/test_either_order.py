@@ -1,4 +1,4 @@
-"""A surface and a mesh are searched in one order; what is asked in the other one is the mirror."""
+"""A surface and a mesh are searched in one order. The other order gives the mirrored answer."""
 
 import pickle
 
@@ -34,7 +34,7 @@ COLUMNS = [LOWER, LOWER + 1, *range(POINT_B, POINT_B + 3), *range(POINT_A, POINT
            *range(FEATURE_B, FEATURE_B + 4), *range(FEATURE_A, FEATURE_A + 4), TREE_B, TREE_A,
            18, 19, STATUS, RADIUS_B, RADIUS_A, *range(SURFACE_B, SURFACE_B + 3),
            *range(SURFACE_A, SURFACE_A + 3)]  # fmt: skip
-"""Those of an answer, both models' exchanged."""
+"""The columns of an answer with both models exchanged."""
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Balls that no point of a surface lies in, and the triangles that they dismiss."""
+"""Balls that contain no point of a surface, and the triangles that they dismiss."""
 
 import numpy as np
 import pytest
@@ -24,12 +24,12 @@ GRID = np.linspace(0.0, 1.0, 9)
 
 
 def sample(tree, piece):
-    """Points (81, 3) of a piece."""
+    """Return points (81, 3) of a piece."""
     return np.array([point_on(tree, piece, u, v) for u in GRID for v in GRID])
 
 
 def places(tree, count):
-    """Points of pieces, and the normals there: element, u, v, point, normal."""
+    """Yield points of pieces with normals: element, u, v, point, normal."""
     rng = np.random.default_rng(5)
     for element in rng.integers(len(tree.pieces), size=count):
         u, v = rng.choice([0.0, 0.4, 0.6, 1.0], 2)
@@ -56,9 +56,9 @@ def test_no_point_of_the_surface_is_nearer_than_is_said(name):
 
 @pytest.mark.parametrize(("wanted", "share", "most_of"), [(0.0, 0.9, 1.0), (0.96, 0.98, 0.7)])
 def test_inside_a_ring_a_ball_is_as_large_as_its_bend_allows(wanted, share, most_of):
-    """Nine tenths of that, or more where that is wanted; three of four were half as large.
+    """The ball is nine tenths of that size, or larger if the caller wants it.
 
-    So near to the bend 11 of 39 are not proven with the looks there are, and become smaller.
+    Near the limit, 11 of 39 balls are not proven with the looks there are, and become smaller.
     """
     tree, far, tried, large = RING._hierarchy.tree, (9.0, 9.0, 9.0), 0, 0
     for element, u, v, p, n in places(tree, 120):
@@ -81,11 +81,11 @@ def test_an_element_reaches_no_farther_than_its_support(name):
             found = support_of(tree, element, u, v, tuple(side * n))
             assert (points @ (side * n)).max() <= found + 1e-12
             tight += found <= side * (n @ p) + 1e-11
-    assert tight >= 2  # where it bends away both ways, and ends neither way there
+    assert tight >= 2  # if the piece bends away in both directions, and does not end there
 
 
 def test_an_edge_is_no_farther_than_the_piece_it_lies_on():
-    """A ball may lean on an edge, of which nothing is known: its piece may enter that ball."""
+    """If a ball leans on an edge, nothing is known of the edge's piece: it may enter the ball."""
     tree, mesh = engine.ParametricSurface([PLATE])._hierarchy.tree, BALL._hierarchy.tree
     edges_of = tree.pieces["edge"] >= 0
     assert edges_of.any() and not edges_of.all()
@@ -97,7 +97,7 @@ def test_an_edge_is_no_farther_than_the_piece_it_lies_on():
 
 
 def test_triangles_in_a_ball_are_dismissed_together():
-    """Each pair of a piece and a triangle had a bound of its own: 15,000 in all, now 8,000."""
+    """This takes 8,000 bounds. One for each pair of a piece and a triangle would make 15,000."""
     poses, tests = apart(RING, BALL, 4, 30), []
     for order in ("first", "second"):
         for at in poses[[13, 16, 28]]:
@@ -111,18 +111,18 @@ def test_triangles_in_a_ball_are_dismissed_together():
 
 @pytest.mark.parametrize("order", ["first", "second"])
 def test_volumes_in_a_ball_are_not_opened(order):
-    """A ball came after all volumes: 62,670 and 64,212 bound tests, now 36,132 and 36,609."""
+    """36,132 and 36,609 bound tests; with a ball only after all volumes, 62,670 and 64,212."""
     tests = 0
     for i, at in enumerate(apart(RING, BALL, 4, 30)):
         models = (RING, IDENTITY, BALL, at)
-        if i != 6:  # there a nearer point is found at last, beyond the ball
+        if i != 6:  # here the search finds a nearer point at last, beyond the ball
             found = engine.distance(*(models if order == "first" else models[2:] + models[:2]))
             tests += found.bound_tests if found.status is engine.Status.EXACT else 0
     assert 0 < tests < 45_000
 
 
 def test_how_a_torus_bends_towards_its_normal():
-    """The larger of its two curvatures: that of its tube, and that around its axis."""
+    """The oracle is the larger of two curvatures: that of the tube and that around the axis."""
     tree, seen = RING._hierarchy.tree, set()
     for element, u, v, p, n in places(tree, 40):
         out = np.hypot(p[0], p[1])
@@ -139,9 +139,9 @@ def test_how_a_torus_bends_towards_its_normal():
 
 @pytest.mark.parametrize(("offset", "most"), [(0.0, 60_000), (1e-5, 100_000), (1e-2, 30_000)])
 def test_a_mesh_around_the_centre_of_a_sphere(offset, most):
-    """One ball holds all of it: 45,000, 76,000 and 24,000 bound tests.
+    """One ball holds the whole mesh: 45,000, 76,000 and 24,000 bound tests.
 
-    Without, there were 437,000, 169,000 and 54,000; a finer mesh had no room.
+    Without it there are 437,000, 169,000 and 54,000, and a finer mesh exceeds the room for pairs.
     """
     mesh = engine.TriangleMesh(*shapes.sphere(0.5, around=24, bands=12))
     at = np.eye(4)
@@ -158,7 +158,7 @@ def test_a_mesh_around_the_centre_of_a_sphere(offset, most):
 
 @pytest.mark.parametrize("offset", [0.05, 0.3])
 def test_a_mesh_inside_a_sphere(offset):
-    """About its centre all of the sphere is as near to a ball's, and looking for one gives up."""
+    """All of the sphere is about equally near to a ball's centre; looking for a ball gives up."""
     vertices, faces = shapes.sphere(0.5)
     mesh = engine.TriangleMesh(vertices * [1.0, 0.9, 1.1], faces)
     at = np.eye(4)

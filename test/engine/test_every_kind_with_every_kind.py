@@ -1,8 +1,8 @@
 """Each kind of model against each kind: near, crossing, almost touching and far away.
 
-Beside tessellations that are as near as a tolerance, whose bounds hold for the models themselves,
-as the tolerance is their `deviation`; and beside samples of these, that no engine searches. Meshes
-are held against exact arithmetic elsewhere.
+The first oracle is tessellations. Their `deviation` is their tolerance, so their bounds hold for
+the models themselves. The second is samples of the tessellations, which no engine searches. Other
+tests compare meshes with exact arithmetic.
 """
 
 import itertools
@@ -26,7 +26,7 @@ SPACING = 6e-3
 
 
 def bowl():
-    """A patch that is open."""
+    """Return an open patch."""
     x, y = np.meshgrid(*2 * [np.linspace(-0.05, 0.05, 4)], indexing="ij")
     return ParametricSurface([Patch(np.stack((x, y, 8.0 * (x * x + y * y)), axis=2))])
 
@@ -45,13 +45,13 @@ MODELS = {
 
 
 def bezier(control, count):
-    """Points of a curve of degree 2, at equal steps."""
+    """Return points of a curve of degree 2, at equal steps of its parameter."""
     t = np.linspace(0.0, 1.0, count)[:, None]
     return (1 - t) ** 2 * control[0] + 2 * t * (1 - t) * control[1] + t**2 * control[2]
 
 
 def lathe(profile, around=48):
-    """A closed mesh of a profile (n, 2) that runs from the axis to the axis."""
+    """Return a closed mesh of a profile (n, 2) that runs from the axis to the axis."""
     turn = np.linspace(0.0, 2.0 * np.pi, around, endpoint=False)
     rho, z = np.asarray(profile)[1:-1].T
     rings = np.stack(
@@ -70,7 +70,7 @@ def lathe(profile, around=48):
 
 
 def capsule():
-    """Points of a capsule's profile, whose chords err by less than the tolerance."""
+    """Return points of a capsule's profile, whose chords err by less than the tolerance."""
     angle = np.linspace(-0.5 * np.pi, 0.0, 9)
     below = RADIUS * np.stack((np.cos(angle), np.sin(angle)), axis=1) - [0, 0.5 * LENGTH]
     below[0, 0] = 0.0
@@ -88,16 +88,16 @@ TESSELLATED = MODELS | {
     "revolution": lathe([[0, 0], *bezier(WALL, 12), [0, 0.1]]),
     "rounded": lathe(capsule()),
 }
-"""Within the tolerance of the models."""
+"""Meshes within the tolerance of the models."""
 
 NAMES = list(itertools.product(MODELS, MODELS))
 
 CORES = TESSELLATED | {"rounded": engine.polyline(AXIS)}
-"""What `distance` sees: all of a capsule is as near as its axis less the radius, the inside too."""
+"""For `distance`: a capsule, inside included, is as near as its axis minus the radius."""
 
 
 def samples(mesh):
-    """Points (n, 3) of a mesh; none of it is farther than the spacing from all of them."""
+    """Return points (n, 3) of a mesh. Each of its points is within SPACING of one of them."""
     found = []
     for corners in mesh.vertices[mesh.faces]:
         longest = np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1).max()
@@ -113,7 +113,7 @@ TREES = {name: cKDTree(points) for name, points in SAMPLES.items()}
 
 
 def sampled_distance(names, pose_a, pose_b):
-    """The distance of the samples."""
+    """Return the distance of the samples."""
     placed = SAMPLES[names[1]] @ pose_b[:3, :3].T + pose_b[:3, 3]
     return TREES[names[0]].query((placed - pose_a[:3, 3]) @ pose_a[:3, :3])[0].min()
 
@@ -132,14 +132,14 @@ def test_tessellations_are_as_near_as_they_say():
 
 
 def check(found, lower, upper):
-    """Two pairs of bounds of one number have it in common."""
+    """Check that two pairs of bounds of one number overlap."""
     assert found.lower <= found.upper
     assert found.lower <= upper + 1e-12
     assert found.upper >= lower - 1e-12
 
 
 def ask_all(a, pose_a, b, pose_b):
-    """The distance, which `within`, `collide` and the witness points must agree with."""
+    """Return the distance; check that `within`, `collide` and the witness points agree with it."""
     found = engine.distance(a, pose_a, b, pose_b, budget_s=10.0)
     assert 0.0 <= found.lower <= found.upper
     if found.status is Status.EXACT:
@@ -184,10 +184,10 @@ def test_as_near_and_as_deep_as_a_tessellation(names):
 
 
 def almost_touching(names, gap, seed=""):
-    """Poses of two models that are so far apart, and their start: distance and status.
+    """Return poses of two models about `gap` apart, and a lower bound of their distance.
 
-    The second one is moved towards the first along the line of the nearest points. Nothing comes
-    nearer by more than it is moved, so the distance left is known.
+    The second model is moved towards the first along the line of the nearest points. The distance
+    shrinks by at most that motion. `gap`, up to rounding, is an upper bound.
     """
     a, b = (MODELS[name] for name in names)
     rng = np.random.default_rng(zlib.crc32((" ".join(names) + seed).encode()))
@@ -245,7 +245,7 @@ CUBE = engine.shapes.box((0.2, 0.2, 0.2))
     ids=["box", "cylinder", "ball", "capsule", "swept box"],
 )
 def test_what_lies_inside_is_as_far_from_what_a_model_consists_of(model, distance, signed):
-    """A boundary, or all that is near a core: the table of docs/models.md."""
+    """A model is its boundary, or all that is near a core: see the table in docs/models.md."""
     middle = engine.points([[0.0, 0.0, 0.0]])
     found = engine.distance(model, IDENTITY, middle, IDENTITY)
     assert found.upper == pytest.approx(distance, abs=1e-12)

@@ -1,4 +1,4 @@
-"""What dismisses a pair of triangles untested is a lower bound of its exact distance."""
+"""Filters dismiss pairs of triangles untested, by lower bounds of their exact distance."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ gaps, gap_along = from_python(filters.gaps), from_python(direction.gap_along)
 node_apart = from_python(cross.along_node)
 
 EACH = 4
-"""Triangles of either model: all their pairs make one batch."""
+"""Triangles of each model. All their pairs make one batch."""
 ROUNDS = 8
 
 
 def crowds(kind):
-    """Two models of triangles that are near each other in hard ways, and poses."""
+    """Yield two models of triangles that are near each other in hard ways, and their poses."""
     rng = np.random.default_rng(list(KINDS).index(kind))
     faces = np.arange(3 * EACH).reshape(-1, 3)
     for case in range(ROUNDS):
@@ -41,7 +41,7 @@ def crowds(kind):
 
 
 def exact_distances(a, b, pose_a, pose_b):
-    """Of all pairs of triangles in tree order, b's fastest; Fractions, right to 2^-150."""
+    """Return the distances of all pairs in tree order, b's fastest; Fractions, right to 2^-150."""
     motion = exact_motion(pose_a, pose_b)
     first = a._hierarchy.tree.triangles.reshape(-1, 3, 3)
     second = [exactly_moved(motion, t) for t in b._hierarchy.tree.triangles.reshape(-1, 3, 3)]
@@ -67,13 +67,13 @@ def test_no_filter_exceeds_the_exact_distance(kind):
         for k, exact in enumerate(exact_distances(a, b, pose_a, pose_b)):
             along = gap_along(progress, first, k // EACH, second, k % EACH)
             assert Fraction(along) <= exact
-            # It is compared with the limit in single precision, rounded up as here.
+            # The search compares it with the limit in single precision, rounded up as here.
             assert Fraction(float(found[k])) <= exact * Fraction(scale) * Fraction(1.0 + 1e-6)
 
 
 @pytest.mark.parametrize("kind", ["apart", "close", "far_from_origin"])
 def test_the_filters_are_tight_where_it_counts(kind):
-    """Along the search direction the nearest pair's gap is its distance: so ties are dismissed."""
+    """Along the search direction, the nearest pair's gap is its distance, so ties are dismissed."""
     for a, b, pose_a, pose_b in crowds(kind):
         pair = engine.Pair(a, b)
         answer = pair.distance(pose_a, pose_b)
@@ -89,9 +89,9 @@ def test_the_filters_are_tight_where_it_counts(kind):
 
 
 def lowest_node(mesh):
-    """The one node of a small mesh that holds triangles; its lanes that do, and which."""
+    """Return a small mesh's one node that holds triangles, and (lane, triangle) for each."""
     children = mesh._hierarchy.tree.children.reshape(-1, 16)
-    node = int(children[0, 0])  # the first node has but one lane: all of the mesh
+    node = int(children[0, 0])  # the first node has only one lane: the whole mesh
     lanes = [
         (k, triangle)
         for k, child in enumerate(children[node].tolist())
@@ -103,7 +103,7 @@ def lowest_node(mesh):
 
 
 def check_along_the_direction(a, b, pose_a, pose_b):
-    """How many pairs of triangles their volumes dismiss; none is nearer than these say."""
+    """Check the bounds of volumes along the direction; return how many pairs these dismiss."""
     lows = np.empty((2, 16), np.float32)
     pair = engine.Pair(a, b)
     upper = pair.distance(pose_a, pose_b).upper

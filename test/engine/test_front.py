@@ -1,4 +1,4 @@
-"""The front of a search: what the next one begins with covers all, and answers are the same."""
+"""The front that a search leaves to the next: it covers everything and changes no answer."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ PAIRS = [("pawn", "cup"), ("table", "pawn"), ("cup", "cup")]
 
 
 def steps(rng, count, from_m, step_m):
-    """Poses on a way past the first solid, each a step from the last."""
+    """Return poses on a straight way past the first solid, `step_m` apart."""
     poses, way = np.tile(pose(rng), (count, 1, 1)), rng.normal(size=3)
     way /= np.linalg.norm(way)
     across = np.cross(way, (0.3, 0.5, 0.8))
@@ -25,7 +25,7 @@ def steps(rng, count, from_m, step_m):
 
 
 def share(hierarchy, own, part):
-    """The length of the parameters of a part's pieces."""
+    """Return the total length of the parameters of a part's pieces."""
     arcs, sum_, left = hierarchy.arcs, 0.0, [int(part)]
     while left:
         i = left.pop()
@@ -38,7 +38,7 @@ def share(hierarchy, own, part):
 
 
 def covered(pair):
-    """How much of all that turns the front of a pair's search is, as parameters times angles."""
+    """Return how many pairs the front has, and the share of parameters times angles they cover."""
     state = pair._search.state
     progress, waiting = state.progress[0], state.waiting
     front = waiting.front[FRONT * progress["front_half"] :][: progress["front"]]
@@ -59,7 +59,7 @@ def test_a_front_is_all_that_turns_and_answers_are_those_of_a_new_search(names):
     fronts = []
     for err in (1e-3 * size, 1e-6 * size, 0.0):
         for k, at in enumerate(steps(rng, 25, 0.8 * size, 1e-3 * size)):
-            # Some searches are cut off, and leave the front as it was.
+            # Some searches are cut, and leave the front as it was.
             budget = 0.0 if k % 11 == 10 else None
             found = pair.distance(IDENTITY, at, abs_err=err, budget_s=budget)
             fresh = engine.distance(a, IDENTITY, b, at)

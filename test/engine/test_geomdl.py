@@ -1,4 +1,4 @@
-"""geomdl JSON files, beside the package that they come from."""
+"""geomdl JSON files, compared with the geomdl package."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from proximity_monitor.engine import ModelError
 
 
 def theirs(seed=1, sizes=(6, 5), degrees=(3, 2)):
-    """A surface of geomdl."""
+    """Return a geomdl surface."""
     rng = np.random.default_rng(seed)
     made = NURBS.Surface()
     made.degree_u, made.degree_v = degrees
@@ -104,7 +104,7 @@ def test_what_has_no_place_in_a_file_is_refused(tmp_path):
 
 
 def tree(**more):
-    """A file's content, with other values under some of the keys of its only surface."""
+    """Return the content of a file with one surface; `more` replaces values of its keys."""
     points = np.arange(12.0).reshape(4, 3).tolist()
     item = {
         "degree_u": 1, "degree_v": 1, "size_u": 2, "size_v": 2,

@@ -1,4 +1,4 @@
-"""Where a search of a surface and a mesh begins that knows nothing."""
+"""Where a search of a surface and a mesh begins if there was no earlier one."""
 
 import numpy as np
 from engine_bodies import IDENTITY, pose
@@ -9,7 +9,7 @@ from proximity_monitor.study import shapes
 
 
 def test_a_search_begins_beside_the_mesh_in_either_order():
-    """A ring's middle is a hole: from there, crossings took 60,500 bound tests, now 40,200."""
+    """A ring's middle is a hole. From there, crossings take 60,500 bound tests, not 40,200."""
     ring = engine.ParametricSurface(torus_patches())
     ball = engine.TriangleMesh(*shapes.sphere(1.0))
     rng, tests, crossing = np.random.default_rng(7), 0, 0

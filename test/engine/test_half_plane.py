@@ -1,4 +1,4 @@
-"""Solids of revolution seen from a point: the nearest point, the side, how high they reach."""
+"""Solids of revolution near a point: their nearest point, its side, and how high they reach."""
 
 import math
 
@@ -19,7 +19,7 @@ from proximity_monitor.engine.kernels.revolution.inside import turns_around
 from proximity_monitor.engine.kernels.revolution.meridian import place_in
 
 SAMPLES = 801
-"""Of each piece of a profile."""
+"""Samples of each piece of a profile."""
 
 
 @njit(pipeline_class=ROOT)
@@ -40,7 +40,7 @@ def heights(table, place, normal, radius, height, top):
 
 
 def loop():
-    """A ring of elliptic section, rational, off the axis."""
+    """Return a ring off the axis with an elliptic section, a rational curve."""
     w = math.sqrt(0.5)
     rim = [(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1), (1, 0)]
     points = [(0.6 + 0.3 * x, 0.5 * z) for x, z in rim]
@@ -57,7 +57,7 @@ SOLIDS = {
 
 @pytest.fixture(scope="module", params=SOLIDS)
 def solid(request):
-    """A solid, its largest coordinate 1 m, and dense points of its profile (k, 2), in order."""
+    """Return a solid, its largest coordinate 1 m, and dense points (k, 2) along its profile."""
     made = SOLIDS[request.param]()
     made.deform(made.control_points / np.abs(made.control_points).max())
     curves = made._hierarchy.curves
@@ -67,7 +67,7 @@ def solid(request):
 
 
 def around(made, profile, rng, count):
-    """Points beside the surface, near and far, and some on the axis."""
+    """Return points beside the surface, near and far, and some on the axis."""
     points = profile[rng.integers(len(profile), size=count)]
     turn = rng.uniform(0.0, 2.0 * math.pi, count)
     xyz = np.stack((points[:, 0] * np.cos(turn), points[:, 0] * np.sin(turn), points[:, 1]), axis=1)
@@ -77,7 +77,7 @@ def around(made, profile, rng, count):
 
 
 def nearest_sample(curves, profile, rho, z):
-    """The distance of a point from the profile, by ever denser samples about the nearest ones."""
+    """Return a point's distance from the profile, from ever denser samples about the nearest."""
     found = np.inf
     for best in np.argsort(((profile - (rho, z)) ** 2).sum(axis=1))[:8]:
         piece, t, step = best // SAMPLES, best % SAMPLES / (SAMPLES - 1), 2.0 / (SAMPLES - 1)
@@ -90,7 +90,7 @@ def nearest_sample(curves, profile, rho, z):
 
 
 def is_inside(profile, rho, z):
-    """Whether a point lies inside the profile's polygon, by crossings of a ray."""
+    """Return whether a point lies inside the profile's polygon, by crossings of a ray."""
     beyond = np.array([[-1.0, profile[-1, 1]], [-1.0, profile[0, 1]], profile[0]])
     if profile[0, 0] > 1e-9:
         beyond = profile[:1]  # a loop off the axis
@@ -116,16 +116,16 @@ def test_the_nearest_point_and_the_side_of_many_points(solid, share, spare):
         assert 0.0 <= most - least <= max(share * most, spare) + 2e-12
         at = points_of(curves[int(piece)], np.array([t]))[0]
         assert math.hypot(at[0] - rho, at[1] - z) == pytest.approx(most, abs=2e-12)
-        if distance > 1e-5:  # by less the polygon is off the profile
+        if distance > 1e-5:  # the polygon is off the profile by less
             assert (turns != 0) == is_inside(profile, rho, z)
     assert np.median(found[:, 5]) < 60
 
 
 def test_nothing_in_the_ball_is_higher_than_is_said_and_little_is_lower(solid):
-    """With the plane's normal in the half-plane of its place, as planes have it, and beside it."""
+    """The plane's normal lies in the half-plane of its place, as is usual, or beside it."""
     made, profile = solid
     rng = np.random.default_rng(11)
-    turns = math.pi * np.linspace(-1.0, 1.0, 65) ** 3  # more of them near the place's half-plane
+    turns = math.pi * np.linspace(-1.0, 1.0, 65) ** 3  # denser near the place's half-plane
     told = close = 0
     for i, place in enumerate(around(made, profile, rng, 120)):
         rho = math.hypot(place[0], place[1])
@@ -155,7 +155,7 @@ def test_nothing_in_the_ball_is_higher_than_is_said_and_little_is_lower(solid):
 
 
 def test_a_point_near_the_centre_of_a_ball():
-    """All of an arc is about as near: only its own bound tells there, none of the second order."""
+    """All of an arc is about equally near, so only its own bound helps, none of second order."""
     w, knots = math.sqrt(0.5), [0, 0, 0, 1, 1, 1]
     high = Curve(np.array([(0, 8), (2, 8), (2, 6)]) * 1e-3, knots, [1.0, w, 1.0])
     side = Curve(np.array([(2, 6), (2, 0)]) * 1e-3)
@@ -172,7 +172,7 @@ def test_a_point_near_the_centre_of_a_ball():
 
 @pytest.mark.parametrize("other", ["cylinder", "box"])
 def test_depths_of_cylinders_are_those_of_formulas(other):
-    """A ridge of equally large balls along the axis took patches far longer."""
+    """All balls along the axis are equally large, a ridge. With patches, this takes far longer."""
     a = engine.shapes.cylinder(0.05, 0.3)
     b = {
         "cylinder": lambda: engine.shapes.cylinder(0.06, 0.2),

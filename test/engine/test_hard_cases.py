@@ -1,8 +1,8 @@
-"""Meshes that are hard for floating point, each against exact arithmetic; FCL where it can follow.
+"""Meshes that are hard for floating point, against exact arithmetic, and FCL if it is accurate.
 
-Single triangles are in `test_triangles`. Every case is asked of every kind of bounding volume and
-in every order of search, and every kind of volume in every order, but not every case of every kind
-in every order: the volumes and the order know nothing of each other but through a case's bounds.
+Single triangles are in `test_triangles`. Every case runs with every kind of bounding volume and in
+every order of search, and every kind of volume runs in every order. Not every triple runs: volumes
+and order affect each other only through the bounds of a case.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from proximity_monitor import engine
 from proximity_monitor.engine import Status
 
 ACCURACY = 4e-15
-"""Of the larger model's coordinates: how far each bound may be from the exact distance."""
+"""Share of the larger model's coordinates by which a bound may differ from the exact distance."""
 
 Question = tuple[engine.TriangleMesh, np.ndarray, engine.TriangleMesh, np.ndarray]
 
@@ -53,7 +53,7 @@ def scaled(mesh: engine.TriangleMesh, *factors: float) -> engine.TriangleMesh:
 
 
 def together(rng: np.random.Generator, a, b, relative) -> Question:
-    """Both models after a common motion, b besides after `relative`."""
+    """Return both models moved by a common motion, and b by `relative` before that."""
     common = pose(rng, 1.0)
     return a, common, b, common @ relative
 
@@ -69,7 +69,7 @@ def apart_by(gap: float, a, pose_a, b, pose_b) -> Question:
 
 
 def flat_fan(slices: int = 12, thickness: float = 1e-8) -> engine.TriangleMesh:
-    """Slivers around a point, each a hundred million times as long as wide."""
+    """Return slivers around a point, each a hundred million times as long as wide."""
     angles = thickness * np.arange(slices + 1)
     rim = np.column_stack((np.cos(angles), np.sin(angles), angles * angles))
     faces = [[0, k, k + 1] for k in range(1, slices + 1)]
@@ -77,7 +77,7 @@ def flat_fan(slices: int = 12, thickness: float = 1e-8) -> engine.TriangleMesh:
 
 
 def crumbs() -> engine.TriangleMesh:
-    """Triangles, segments and points, with repeated and with collinear corners."""
+    """Return triangles, segments and points; triangles repeat corners or have them on a line."""
     rng = np.random.default_rng(21)
     vertices = rng.normal(size=(30, 3))
     vertices[20:] = 0.5 * (vertices[:10] + vertices[10:20])
@@ -105,7 +105,7 @@ def _far(a, b) -> Question:
 
 
 def _needle_and_segment() -> Question:
-    """The segment ends far from the needle; only its line meets it."""
+    """Return a segment that ends far from a needle; only the segment's line meets the needle."""
     needle = np.array([[2.0**-94, 0.0, -(2.0**-94)], [1.0, 1.0, 1.0], [-1.0, -1.0, -1.0]])
     other = np.array([[2.0, -4.0, 2.0], [0.1, -0.2, 0.1], [0.5, -1.0, 1.5]])
     face = [[0, 1, 2]]
@@ -179,25 +179,25 @@ TOUCHING = (
     "boxes that share a vertex", "boxes that share an edge", "boxes that share a face",
     "edges that touch", "vertex on a face",
 )  # fmt: skip
-"""Contact at exactly zero."""
+"""Cases in contact, at a distance of exactly zero."""
 
 FOLLOWED_BY_FCL = (
     "parallel plates", "parallel plates, turned", "plates in one plane",
     "plates in one plane, turned", "gap of 1e-12", "a million in size", "1e8 away from the origin",
 )  # fmt: skip
-"""Where FCL is right to 1e-8 of the coordinates. It is not for models of 1e-6, for which it is
-wrong by 5 % of their size, nor for slivers."""
+"""Cases for which FCL errs by at most 1e-8 of the coordinates. For models of 1e-6 it errs by 5 % of
+their size, and for slivers it is not accurate either."""
 
 
 @cache
 def question(name: str) -> tuple[Question, Fraction]:
-    """A case and its exact squared distance."""
+    """Return a case and its exact squared distance."""
     a, pose_a, b, pose_b = CASES[name]()
     return (a, pose_a, b, pose_b), exact_mesh_distance(a, b, pose_b, pose_a)
 
 
 def share_of(size: float, found: engine.Distance, squared: Fraction) -> float:
-    """What the worse bound errs by, as a share of `size`; asserts that both hold."""
+    """Return the error of the worse bound as a share of `size`; check that both bounds hold."""
     assert Fraction(found.lower) ** 2 <= squared <= Fraction(found.upper) ** 2
     exact = root(squared)
     error = float(max(Fraction(found.upper) - exact, exact - Fraction(found.lower)))
@@ -216,7 +216,7 @@ def test_hard_case(name, volume, order):
     assert error <= ACCURACY
     assert np.isfinite([found.point_a, found.point_b]).all()
     swapped = engine.distance(second, pose_b, first, pose_a, order=order)
-    # The rotations are orthogonal to rounding alone, so b's frame is not quite a's.
+    # The rotations are orthogonal only up to rounding, so b's frame is not quite a's.
     assert swapped.lower <= found.upper + ACCURACY * size
     assert found.lower <= swapped.upper + ACCURACY * size
     if squared == 0:
@@ -244,7 +244,7 @@ def test_contact_at_exactly_zero(name):
 
 @pytest.mark.parametrize("exponent", [-290, -100, -76, -40, -6, 6, 15, 16, 30, 44])
 def test_no_contact_is_missed_at_any_size(exponent):
-    """A model and a plane through it that is 1e6 times larger, or as large as coordinates go."""
+    """The plane that cuts the model is 1e6 times larger, or as large as coordinates may be."""
     scale = 10.0**exponent
     a = scaled(torus(8), scale)
     far = min(1e6, 1e44 / scale) * scale
@@ -266,7 +266,7 @@ def test_no_contact_is_missed_at_any_size(exponent):
 
 @pytest.mark.parametrize("name", SMALL)
 def test_identical_models_at_identical_poses(name):
-    """Also turned, where RᵀR is not quite the identity, and the exact distance 1e-16."""
+    """If the pose is turned, RᵀR is not quite the identity, and the exact distance is 1e-16."""
     mesh = SMALL[name]
     for spread in (None, 0.0, 1.0, 1e8):
         where = IDENTITY if spread is None else pose(_rng(), spread)
@@ -296,7 +296,7 @@ def test_fcl_agrees(name):
 
 
 def test_the_way_to_a_common_point_does_not_matter():
-    """Fans of slivers that all meet in one corner, and nowhere else."""
+    """All slivers of both fans meet in one corner, and nowhere else."""
     a = flat_fan()
     b = engine.TriangleMesh(a.vertices * (-1.0, 1.0, 1.0), a.faces)
     for k in range(8):
@@ -308,7 +308,7 @@ def test_the_way_to_a_common_point_does_not_matter():
 
 
 def random_floats(seed: int, low: float, high: float, count: int = 14) -> engine.TriangleMesh:
-    """Triangles whose every coordinate has a random exponent between those of low and high."""
+    """Return triangles with coordinates whose exponents are random between `low` and `high`."""
     rng = np.random.default_rng(seed)
     shape = 3 * count, 3
     corners = rng.choice((-1.0, 1.0), shape) * 10.0 ** rng.uniform(low, high, shape)
@@ -318,7 +318,7 @@ def random_floats(seed: int, low: float, high: float, count: int = 14) -> engine
 @pytest.mark.parametrize("volume", VOLUMES)
 @pytest.mark.parametrize(("low", "high"), [(-15, 15), (-45, 45), (-320, -290), (14, 44)])
 def test_random_floats_of_all_magnitudes(low, high, volume):
-    """Nothing crashes, hangs or is not a number, and even here the bounds hold."""
+    """Nothing crashes, hangs or becomes NaN, and even here the bounds hold."""
     rng = np.random.default_rng(31)
     for seed in range(3):
         a, b = random_floats(seed, low, high), random_floats(seed + 100, low, high)
@@ -329,7 +329,7 @@ def test_random_floats_of_all_magnitudes(low, high, volume):
             assert Fraction(found.lower) ** 2 <= squared <= Fraction(found.upper) ** 2
             exact = root(squared)
             error = max(Fraction(found.upper) - exact, exact - Fraction(found.lower))
-            # Where coordinates are next to nothing, the floor of every margin is left.
+            # For almost vanishing coordinates, only the smallest possible margin remains.
             assert error <= ACCURACY * magnitude(a, b) + 2e-45
         turned = pose(rng, min(10.0**high, 1e44))
         found = engine.distance(a, turned, b, pose(rng))

@@ -1,4 +1,4 @@
-"""Helpers that one process has compiled are linked into the kernels of others."""
+"""Helpers that one process compiled are linked into the kernels of others."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ print(repr((made.tolist(), slack)), len(Heard.names), len(cache.refused))
 
 
 def ask(place):
-    """What a process finds, how many functions it compiles, and how many files it refuses."""
+    """Return a process's result, how many functions it compiled, and how many files it refused."""
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(place)}
     done = subprocess.run(
         [sys.executable, "-c", ASK], env=environment, capture_output=True, text=True, check=True
@@ -51,7 +51,7 @@ def first(tmp_path_factory):
 
 
 def without(place, left, suffix):
-    """A copy of what is kept, but for files of one kind."""
+    """Copy what is cached to `left`, except files of one kind; return `left`."""
     for file in place.rglob("*"):
         if file.is_file() and file.suffix != suffix:
             copy = left / file.relative_to(place)
@@ -87,12 +87,12 @@ def test_a_broken_helper_is_compiled_anew(first, tmp_path):
     assert answer == found
     assert compiled >= 2
     assert refused >= 1
-    parts[-1].unlink()  # one that another one calls, or the kernel itself
+    parts[-1].unlink()  # a helper that another helper calls, or the kernel's own
     assert ask(without(left, tmp_path / "again", ".nbc"))[0] == found
 
 
 def test_versions_of_one_function_are_kept_apart():
-    """The same sum, in the order that it is written in and in any."""
+    """The same sum: in the written order, and in any order."""
 
     def total(values):
         found = 0.0
@@ -111,7 +111,7 @@ def test_versions_of_one_function_are_kept_apart():
 
 @pytest.mark.long
 def test_a_helper_s_code_has_one_name_in_all_processes():
-    """Else what one compiles finds nothing of it in what another one does at the same time."""
+    """Otherwise, two processes that compile at the same time cannot use each other's code."""
     script = """
 from numba.core.compiler import Flags
 from proximity_monitor.engine.kernels.base import jit
@@ -130,7 +130,7 @@ print(flags.get_mangle_string())
 
 
 def test_what_is_compiled_for_types_of_others_is_not_kept():
-    """They may change what they implement for them, and nobody here would know."""
+    """Others may change what they implement for their types, and this cache would not know."""
     Own = namedtuple("Own", "values")
     own = typeof(Own(np.zeros(3)))
     ours = TREES[MeshTree]

@@ -1,4 +1,4 @@
-"""The ideal search: the same answer, the fewest tests, and nothing disturbed."""
+"""The ideal search: it has the same answer and the fewest tests, and disturbs nothing."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def test_the_same_answer_by_the_fewest_tests():
 
 
 def test_a_search_from_far_away_comes_near_the_ideal():
-    """Alternating projections find a good bound early: without them it is 1.8 times the tests."""
+    """Alternating projections find a good bound early. Without them it is 1.8 times the tests."""
     rng = np.random.default_rng(4)
     ball = sphere(5)
     pair = engine.Pair(ball, ball)
@@ -48,7 +48,7 @@ def test_a_search_from_far_away_comes_near_the_ideal():
 
 
 def _to_ideal(scene, poses):
-    """The openings of a batch along the first track of a scene, over those of ideal searches."""
+    """Return the bound tests of a batch along a scene's first track, and of ideal searches."""
     scene = SCENES[scene]()
     track = scene.tracks[0]
     a, b = (engine.TriangleMesh(*scene.meshes[name]) for name in (track.a, track.b))
@@ -62,7 +62,8 @@ def _to_ideal(scene, poses):
 def test_along_a_path_a_tolerance_comes_near_the_ideal():
     """The nearest triangles of a batch lower the limit, although they are beyond it.
 
-    Without that it is 1.6 times the tests of the ideal, and with the fuller node first 2.2 times.
+    Without that, the batch takes 1.6 times the tests of the ideal. With the fuller node first, it
+    takes 2.2 times.
     """
     found, ideal = _to_ideal("cave/path", slice(0, 200))
     assert found[1:].sum() < 1.3 * ideal[1:].sum()
@@ -71,13 +72,13 @@ def test_along_a_path_a_tolerance_comes_near_the_ideal():
 @pytest.mark.long
 @pytest.mark.parametrize("scene", ["spheres/0.1", "spheres/1.0", "concentric/0.9"])
 def test_poses_that_have_nothing_in_common_come_near_the_ideal_with_a_tolerance(scene):
-    """The middles of volumes tell what is near; their bounds led to 2 to 11 times the ideal."""
+    """The middles of volumes tell which are near. Their bounds lead to 2 to 11 times the ideal."""
     found, ideal = _to_ideal(scene, slice(0, 40))
     assert found.sum() < 1.4 * ideal.sum()
 
 
 def test_no_single_search_with_a_tolerance_is_far_from_the_ideal():
-    """Points at 1.09 times the distance cost 1,700 times the ideal: nearer ones are looked for."""
+    """If the search keeps points at 1.09 times the distance, it takes 1,700 times the ideal."""
     found, ideal = _to_ideal("concentric/0.9", slice(0, 16))
     assert (found < 50 * ideal).all()
 

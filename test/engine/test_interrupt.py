@@ -1,4 +1,4 @@
-"""Ctrl-C is heard during every question, with threads as well."""
+"""Ctrl-C interrupts every query, with threads as well."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import sys
 import pytest
 
 ENDLESS = 1.0
-"""Seconds that no interrupted question takes until it ends, on any machine; each of these would
-take far longer."""
+"""Seconds within which an interrupted query ends, on any machine. Without the interrupt, each
+would take far longer."""
 
 ASKED = """
 import json, os, signal, sys, threading, time

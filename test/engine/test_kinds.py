@@ -1,7 +1,7 @@
-"""A kind of its own, balls, joins the search from outside: no kernel of the search knows it.
+"""A new kind of model, balls, joins the search from outside: no kernel of the search knows it.
 
-It brings a type of tree, and what `kernels/search/stubs.py` asks of a pair of kinds: against itself
-and against meshes.
+It brings a type of tree, and implements what `kernels/search/stubs.py` needs of a pair of kinds:
+of balls with balls, and of balls with meshes.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ from proximity_monitor.engine.kernels.tree.layout import (
 )
 
 BallTree = namedtuple("BallTree", "centres children sizes balls scale")
-"""Up to sixteen balls (m, 4), centre and radius in metres, as the leaves of one node."""
+"""Up to sixteen balls (m, 4), each a centre and a radius in metres: the leaves of one node."""
 
 ANY = (*MESHES, BallTree)
 COUNT = 12
@@ -51,7 +51,7 @@ def balls(seed: int) -> np.ndarray:
 
 
 def tree_of(made: np.ndarray) -> BallTree:
-    """Node 0 has one lane, that of node 1, which has all balls; a node unit is a metre."""
+    """Return a tree. Node 0 has one lane: node 1, which holds all balls. A node unit is a metre."""
     children = np.full(2 * WIDTH, EMPTY, np.int32)
     children[0] = 1
     children[WIDTH : WIDTH + COUNT] = [leaf.py_func(i, 1) for i in range(COUNT)]
@@ -74,11 +74,11 @@ tables.TREES[BallTree] = Addressed(BallTree, LAYOUT, readonly=True)
 @implements(tables.is_tree_of, BallTree)
 @inlined
 def _is_tree_of(kind, model):
-    return True  # its entries are asked in the order of their kinds alone
+    return True  # here, models always come in the order of the entry's kinds
 
 
 def sphere_of(tree, lane):
-    """Centre and radius, metres, of a sphere around all that is under a lane: a stub as well."""
+    """Stub: return centre and radius, metres, of a sphere around everything under a lane."""
 
 
 @implements(sphere_of, BallTree)
@@ -101,7 +101,7 @@ def _sphere_of_volume(tree, lane):
 
 
 def implements_all(stub):
-    """For balls and balls, balls and meshes, meshes and balls."""
+    """Implement a stub for balls and balls, balls and meshes, meshes and balls."""
 
     def register(function):
         implements(stub, BallTree, ANY)(function)
@@ -179,7 +179,7 @@ def _parameters(tree, element, weights):
 
 
 def nearest_to(tree, element, p):
-    """The core point of an element nearest to p, its weights where it is one, and its radius."""
+    """Stub: return an element's core point nearest to p, its weights in a triangle, the radius."""
 
 
 @implements(nearest_to, BallTree)
@@ -202,7 +202,7 @@ def _nearest_to_triangle(tree, element, p):
 @kernel
 def _measure(tree_a, tree_b, state, a, b, bound):
     motions, none = state.motions, (0.0, 0.0, 0.0)
-    # A ball's centre is its core whatever it is nearest to; one of the two is a ball.
+    # The core of a ball is its centre, whatever p is. One of the two elements is a ball.
     p, wa, radius_a = nearest_to(tree_a, a, none)
     q, wb, radius_b = nearest_to(tree_b, b, moved(motions[1], p))
     p, wa, radius_a = nearest_to(tree_a, a, moved(motions[0], q))
@@ -248,7 +248,7 @@ class Asker:
         self.memory = tables.state_table(self.state)
 
     def rows(self, pose_a, pose_b, steps):
-        """The answer after each slice of so many steps."""
+        """Yield the answer after each slice of `steps` steps."""
         query = np.zeros(1, index.QUERY)
         query["bodies"], query["limit"] = (0, 1), np.inf
         asked = tables.table((query,))
@@ -264,7 +264,7 @@ class Asker:
 
 
 def check(asker, brute, pose_a, pose_b):
-    """Every bound of every slice holds; what is left waiting counts; the last ones meet."""
+    """Check every slice's bounds and the last points; count slices, and those with pairs left."""
     truth = brute(pose_a, pose_b)
     slices = waited = 0
     for answer in asker.rows(pose_a, pose_b, 3):
@@ -298,7 +298,7 @@ def test_balls_against_balls():
 
 @pytest.mark.long
 def test_balls_against_a_mesh():
-    """The oracle are points, whose distance less the radius is that of the ball."""
+    """The oracle is the distance of the balls' centres from the mesh, minus their radii."""
     own, mesh = balls(4), torus(16)
     asker = Asker(entry_of(BallTree, MeshTree), tree_of(own), mesh._hierarchy.tree)
 

@@ -1,4 +1,4 @@
-"""Reading model files: what each format holds arrives whole."""
+"""Reading model files: everything that a format holds arrives."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from proximity_monitor import engine
 
 @pytest.fixture
 def load(tmp_path):
-    """Loads bytes or text as a file of a name."""
+    """Return a function that loads bytes or text as a file with a given name."""
 
     def loaded(name, data, **options):
         path = tmp_path / name
@@ -295,7 +295,7 @@ def test_the_items_of_off_may_stand_anyhow(load, head, width, between):
 
 @pytest.mark.parametrize("order", ["", "<", ">"])
 def test_strips_of_ply(load, order):
-    """Strips end with their row or with -1; what joins two strips is no triangle."""
+    """Strips end with their row or with -1. The triangles that join two strips are left out."""
     mesh = load("a.ply", VALID["strips.ply"] if not order else strips_ply(order))
     assert mesh.faces.tolist() == [[0, 1, 2], [2, 1, 3], [0, 1, 2], [1, 3, 2]]
     text = VALID["strips.ply"].decode().replace("4 0 1 2 3", "8 0 1 2 2 1 1 3 2")
@@ -303,7 +303,7 @@ def test_strips_of_ply(load, order):
 
 
 def strips_ply(order):
-    """VALID["strips.ply"], binary."""
+    """Return VALID["strips.ply"] as a binary file."""
     name = {"<": "little", ">": "big"}[order]
     head = VALID["strips.ply"].decode().split("end_header")[0]
     head = head.replace("ascii", f"binary_{name}_endian") + "end_header\n"
@@ -322,7 +322,7 @@ def test_geometries_are_merged_with_their_transforms(load):
     motions = [np.eye(4) for _ in range(3)]
     for motion in motions[:2]:
         motion[:3, :3], motion[:3, 3] = rotation(rng), rng.normal(size=3)
-    motions[1][:3, 3] += 1e-9  # so small that a reader may take it for none
+    motions[1][:3, 3] += 1e-9  # so small that a reader might ignore it
     motions[2] = np.diag([1.0, 2.0, -3.0, 1.0])
     scene = trimesh.Scene()
     scene.add_geometry(BOX, node_name="a", geom_name="box", transform=motions[0])
@@ -340,13 +340,13 @@ def test_geometries_are_merged_with_their_transforms(load):
     assert len(mesh.faces) == 12 + 80 + 12
     found, wanted = (np.sort(x.mean(axis=1), axis=0) for x in (corners(mesh), expected))
     assert found == pytest.approx(wanted, abs=1e-6)  # the ball's vertices are float32 in the file
-    # A mirror image must not be inside out: the signed volumes add up.
+    # A mirror image must not turn inside out: the signed volumes add up.
     volume = np.linalg.det(corners(mesh)).sum() / 6.0
     assert volume == pytest.approx(6.0 + ball.volume + 6.0 * 6.0, rel=1e-6)
 
 
 def test_points_and_curves_beside_triangles_are_left_out(load):
-    """Modes of glTF: points, lines, a loop, a strip of lines, and triangles."""
+    """The glTF modes are points, lines, a loop, a strip of lines, and triangles."""
     primitives = [{"attributes": {"POSITION": 0}, "mode": mode} for mode in range(5)]
     mesh = load("mixed.glb", triangle_glb(corners=6, meshes=[{"primitives": primitives}]))
     assert mesh.faces.tolist() == [[0, 1, 2], [3, 4, 5]]

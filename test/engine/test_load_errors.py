@@ -1,4 +1,4 @@
-"""Files that are no models: each is refused by name, and nothing of it is loaded."""
+"""Files that are no models: each is refused by name, and no part of it is loaded."""
 
 from __future__ import annotations
 
@@ -171,7 +171,7 @@ BAD = {
 
 
 def refused(path, message=""):
-    """What a file is refused with; always a ModelError that begins with the path."""
+    """Check that a file is refused by a ModelError that begins with its path; return the error."""
     with pytest.raises(ModelError) as caught:
         engine.load(path)
     text = str(caught.value)
@@ -294,7 +294,7 @@ def test_every_truncation_of_a_binary_file_is_found(tmp_path, name):
 
 @pytest.mark.parametrize("name", ["solids.stl", "marked.off", "by_hand.ply", "data.gltf"])
 def test_every_truncation_of_an_ascii_file_is_found(tmp_path, name):
-    """Up to the last number: there a shorter one, or no line end, looks like a whole file."""
+    """The cut comes before the last number: a shorter number or no line end is not noticeable."""
     path, last = tmp_path / name, VALID[name].rstrip()
     ends = {"solids.stl": last.rindex(b"\n") + 9 if b"\n" in last else 0, "data.gltf": len(last)}
     whole = range(STL.index("endsolid") + 8, len(STL) + 1)  # the first of two solids
@@ -307,7 +307,7 @@ def test_every_truncation_of_an_ascii_file_is_found(tmp_path, name):
 
 
 def test_a_truncated_obj_has_whole_faces_alone(tmp_path):
-    """OBJ announces nothing: a cut between two lines cannot be seen, one within a line can."""
+    """OBJ announces no counts. A cut between lines cannot be seen, but one within a line can."""
     path, data = tmp_path / "part.obj", VALID["plain.obj"]
     for size in range(1, len(data)):
         path.write_bytes(data[:size])
@@ -329,7 +329,7 @@ damage = st.one_of(
 
 
 def broken(data, steps):
-    """A file's bytes after some damage; a GLB's length is made right again, to get further."""
+    """Return damaged bytes. A GLB's length is often corrected, so that readers get further."""
     result = bytearray(data)
     for kind, where, what in steps:
         where %= len(result) or 1

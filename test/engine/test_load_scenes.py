@@ -1,4 +1,4 @@
-"""Files that place their parts: glTF, COLLADA and 3MF. Read as they stand, or refused by name."""
+"""Formats that place their parts (glTF, COLLADA, 3MF) are read as they are, or refused by name."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from proximity_monitor.engine import ModelError
 
 @pytest.fixture
 def load(tmp_path):
-    """Loads bytes or text as a file of a name, into which others may be put beside it."""
+    """Return a function that loads bytes or text as a named file, with other files beside it."""
 
     def loaded(name, data, **others):
         for other, content in others.items():
@@ -40,7 +40,7 @@ def load(tmp_path):
 
 @pytest.fixture
 def refused(load):
-    """Checks that a file is refused by name and for the right reason."""
+    """Return a function that checks that a file is refused by name, and for the right reason."""
 
     def checked(name, data, message, **others):
         with pytest.raises(ModelError, match=rf"{re.escape(name)}: .*(?s:{message})"):
@@ -57,7 +57,7 @@ def corners(mesh):
 
 
 def gltf(**more):
-    """A glTF file whose buffer is embedded."""
+    """Return a glTF file whose buffer is embedded."""
     tree, binary = triangle_tree()
     return json.dumps({**embedded(tree, binary), **more})
 
@@ -90,7 +90,7 @@ def test_no_buffer_outside_the_folder_is_opened(load, refused, tmp_path, uri):
 
 
 def test_a_buffer_may_be_a_link(load, tmp_path):
-    """As in folders that a build links together."""
+    """A build may link the files of a folder together."""
     (tmp_path / "stored").mkdir()
     (tmp_path / "stored" / "x.bin").write_bytes(triangle_tree()[1])
     (tmp_path / "linked").mkdir()
@@ -302,7 +302,7 @@ def test_the_unit_of_3mf_counts(load, unit, metres):
 
 
 def test_items_and_components_are_placed(load):
-    turn = "0 1 0 -1 0 0 0 0 1 10 0 0"  # rows of what multiplies a row vector from the right
+    turn = "0 1 0 -1 0 0 0 0 1 10 0 0"  # rows of a matrix to multiply row vectors from the right
     mirror = "1 0 0 0 1 0 0 0 -1 0 0 0"
     group = (
         f'<object id="2"><components><component objectid="1" transform="{mirror}"/>'
