@@ -11,7 +11,7 @@ import numpy as np
 import trimesh
 
 BOX = trimesh.creation.box((1.0, 2.0, 3.0))
-"""12 triangles, 8 vertices, all of them exact in float32 and in few digits."""
+"""12 triangles and 8 vertices. All coordinates are exact in float32 and have few digits."""
 
 FACET = (
     "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n"
@@ -27,20 +27,20 @@ PLY = (
 
 
 def exported(kind: str, mesh: trimesh.Trimesh | trimesh.Scene = BOX, **options: str) -> bytes:
-    """A mesh as trimesh writes it."""
+    """Return a mesh in the given format, written by trimesh."""
     data = mesh.export(file_type=kind, **options)
     return data if isinstance(data, bytes) else data.encode()
 
 
 def binary_stl(corners: np.ndarray) -> bytes:
-    """Triangles (m, 3, 3) as a binary STL."""
+    """Return triangles (m, 3, 3) as a binary STL file."""
     facets = np.zeros(len(corners), dtype=[("n", "<f4", 3), ("v", "<f4", (3, 3)), ("a", "<u2")])
     facets["v"] = corners
     return bytes(80) + len(corners).to_bytes(4, "little") + facets.tobytes()
 
 
 def binary_ply(polygons: list[list[int]], order: str = "<", count: str = "u1") -> bytes:
-    """The vertices of BOX and polygons, with a flag in front of each and a colour behind it."""
+    """Return a PLY file of polygons on BOX's vertices, with flags, colours and lists to skip."""
     name = {"<": "little", ">": "big"}[order]
     length = {"u1": "uchar", "i4": "int"}[count]
     head = (
@@ -64,7 +64,7 @@ def binary_ply(polygons: list[list[int]], order: str = "<", count: str = "u1") -
 
 
 def glb(tree: dict, binary: bytes = b"") -> bytes:
-    """A GLB file of a JSON and a binary chunk."""
+    """Return a GLB file of a JSON chunk and a binary chunk."""
     text = json.dumps(tree).encode()
     chunks = b""
     for kind, content, fill in ((b"JSON", text, b" "), (b"BIN\0", binary, b"\0")):
@@ -77,7 +77,7 @@ def glb(tree: dict, binary: bytes = b"") -> bytes:
 def triangle_tree(
     mode: int = 4, corners: int = 3, indices: list[int] | None = None, **more
 ) -> tuple[dict, bytes]:
-    """Of glTF, one mesh with vertices (i, i², 1); `more` replaces parts of its JSON."""
+    """Return JSON and buffer of a glTF mesh of vertices (i, i², 1); `more` replaces JSON parts."""
     i = np.arange(corners)
     positions = np.column_stack((i, i * i, np.ones(corners))).astype("<f4").tobytes()
     primitive: dict = {"attributes": {"POSITION": 0}, "mode": mode}
@@ -105,12 +105,12 @@ def triangle_tree(
 
 
 def triangle_glb(*args, **more) -> bytes:
-    """`triangle_tree` as a GLB file."""
+    """Return `triangle_tree` as a GLB file."""
     return glb(*triangle_tree(*args, **more))
 
 
 def embedded(tree: dict, binary: bytes) -> dict:
-    """The JSON of a file whose buffer is a data: URI."""
+    """Return the JSON of a glTF file whose buffer is a data: URI."""
     uri = "data:application/octet-stream;base64," + base64.b64encode(binary).decode()
     return {**tree, "buffers": [{"byteLength": len(binary), "uri": uri}]}
 
@@ -136,7 +136,7 @@ DAE = """<?xml version="1.0"?>
   <scene><instance_visual_scene url="#s"/></scene>
 </COLLADA>
 """
-"""Three faces of a tetrahedron, lifted by 10 units."""
+"""Three faces of a tetrahedron, moved up by 10 units."""
 
 CORE = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
 OBJECT = (
@@ -151,7 +151,7 @@ OBJECT = (
 def model_3mf(
     objects: str = OBJECT, items: str = '<item objectid="1"/>', head: str = 'unit="meter"'
 ) -> str:
-    """The model of a 3MF file."""
+    """Return the model part of a 3MF file, as XML."""
     return (
         f'<?xml version="1.0" encoding="UTF-8"?><model {head} xmlns="{CORE}">'
         f"<resources>{objects}</resources><build>{items}</build></model>"
@@ -159,7 +159,7 @@ def model_3mf(
 
 
 def packed(model: str, **others: str) -> bytes:
-    """A 3MF file of a model and of others beside it, `3D/<name>.model`."""
+    """Return a 3MF file of a model and of further models, stored as `3D/<name>.model`."""
     rels = (
         '<Relationships xmlns="http://schemas.openxmlformats.org/package/2006/relationships">'
         '<Relationship Target="/3D/3dmodel.model" Id="rel0" '
@@ -175,7 +175,7 @@ def packed(model: str, **others: str) -> bytes:
 
 
 MARK = b"\xef\xbb\xbf"
-"""What some editors write before UTF-8."""
+"""The byte order mark that some editors write before UTF-8 text."""
 
 VALID = {
     "binary.stl": exported("stl"),
@@ -209,4 +209,4 @@ VALID = {
     .replace("3 0 1 2\n3 1 3 2", "4 0 1 2 3\n7 0 1 2 -1 1 3 2")
     .encode(),
 }
-"""Sound files by name; the extension says the format."""
+"""Valid files by name; the extension gives the format."""

@@ -1,8 +1,8 @@
 """Minimum distances of NURBS models: samples, Newton's method from many of them, then 30 digits.
 
-Nothing here shares code with the engine: B-splines are evaluated by the triangle of Piegl and
-Tiller (The NURBS Book, 1997, A2.2) in the knots of each span, no Bezier pieces are made, and
-samples are found by a k-d tree. A mesh is patches of degree 1 with a collapsed edge.
+The oracle shares no code with the engine. It evaluates B-splines by the triangular scheme of Piegl
+and Tiller (The NURBS Book, 1997, A2.2) on the knots of each span, makes no Bezier pieces, and finds
+near samples by a k-d tree. A triangle is a patch of degree 1 with a collapsed edge.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from scipy.spatial import cKDTree
 
 DIGITS = 30
 _STARTS = 96
-"""Pairs of samples that Newton's method begins with, the nearest of their neighbourhoods."""
+"""Most pairs of samples from which Newton's method starts: the nearest pairs, one per block."""
 
 
 def _derivative_rows(values, window, degree, order):
-    """Derivatives of B-splines from those (k, degree - order + 1) of `order` degrees less."""
+    """Return derivatives, given the B-splines (k, degree - order + 1) of `order` degrees less."""
     for raised in range(degree - order + 1, degree + 1):
         made = np.zeros((len(values), raised + 1), values.dtype)
         for i in range(raised + 1):
@@ -35,9 +35,9 @@ def _derivative_rows(values, window, degree, order):
 
 
 def basis(window, degree, t):
-    """The B-splines (k, 3, degree + 1) that do not vanish in a span, and two derivatives.
+    """Return the nonzero B-splines of a span and two derivatives of them, (k, 3, degree + 1).
 
-    `window` (k, 2 degree) are the knots around each span; it lies between the middle two.
+    `window` (k, 2 degree) holds the knots around each span, which lies between the middle two.
     """
     values = np.ones((len(t), 1), t.dtype)
     rows = [values]
@@ -66,14 +66,14 @@ class Spans:
     windows: tuple[np.ndarray, np.ndarray]  # (s, 2 p) and (s, 2 q)
     control: np.ndarray  # (s, p + 1, q + 1, 3), model frame
     weights: np.ndarray  # (s, p + 1, q + 1)
-    labels: np.ndarray  # (s,) of which patch or curve
+    labels: np.ndarray  # (s,) number of the patch or curve
 
     def points(self, which, at, digits=False):
-        """The points (k, 3), model frame, of spans at parameters (k, 2)."""
+        """Return the points (k, 3), model frame, of spans at parameters (k, 2)."""
         return self.jets(which, at, digits)[:, 0]
 
     def jets(self, which, at, digits=False):
-        """Those points and the derivatives by u, v, uu, uv and vv (k, 6, 3)."""
+        """Return points and derivatives by u, v, uu, uv and vv (k, 6, 3) of spans at parameters."""
         kind = np.vectorize(mpmath.mpf, otypes=[object]) if digits else np.asarray
         p, q = self.degrees
         in_u, in_v = (
@@ -100,7 +100,7 @@ class Spans:
 
 
 def _spans_of(knots, degree):
-    """The spans (s,) that are not empty: first control point, ends, knots around."""
+    """Return the spans (s,) that are not empty: first control point, ends, surrounding knots."""
     if degree == 0:
         return np.zeros(1, int), np.zeros(1), np.zeros(1), np.zeros((1, 0))
     i = np.arange(degree, len(knots) - degree - 1)
@@ -110,12 +110,12 @@ def _spans_of(knots, degree):
 
 
 class Shape:
-    """A model as the oracle sees it: spans by their degrees, and samples of all of them.
+    """A model as the oracle sees it: spans grouped by degrees, and samples of all spans.
 
     Args:
-        model: patches and curves, whose control points, weights and knots are taken as given.
-        triangles: (m, 3, 3) metres, instead.
-        samples: how many in each direction of a patch's span; a curve's has the square of that.
+        model: a model of patches and curves; control points, weights and knots are taken as given.
+        triangles: triangles (m, 3, 3), metres, in place of a model.
+        samples: number in each direction of a patch's span; a curve's span has its square.
     """
 
     def __init__(self, model=None, triangles=None, samples=8):
@@ -148,7 +148,7 @@ class Shape:
         self._sample(samples)
 
     def _sample(self, count):
-        """Points, and to which group, span, parameters and neighbourhood each belongs."""
+        """Set the sample points and the group, span, parameters and block of each sample."""
         points, group, span, at, block = [], [], [], [], []
         used = 0
         for g, spans in enumerate(self.groups):
@@ -171,7 +171,7 @@ class Shape:
             setattr(self, name, np.concatenate(parts))
 
     def jets(self, group, span, at, digits=False):
-        """Those of `Spans`, of each row's own group."""
+        """Return `Spans.jets` of each row, from the row's own group."""
         found = np.empty((len(at), 6, 3), object if digits else float)
         for g in np.unique(group):
             here = group == g
@@ -179,15 +179,15 @@ class Shape:
         return found
 
     def box(self, group, span):
-        """The least and largest parameters (k, 2) of spans."""
+        """Return the least and the largest parameters (k, 2) of spans."""
         low = np.array([self.groups[g].low[s] for g, s in zip(group, span, strict=True)])
         return low, np.array([self.groups[g].high[s] for g, s in zip(group, span, strict=True)])
 
     def misses(self, feature, pose, point):
-        """How far a point in the world is from what a feature names, in units of rounding.
+        """Return how far a point of the world is from the point of a feature, in rounding units.
 
-        Parameters are rounded as well, so what counts for one is how steep the surface is. At a
-        knot where a patch tears its parameters name two points.
+        The feature's parameters are rounded too, so the unit grows with the steepness of the
+        surface. At a knot where a patch tears, its parameters name two points.
         """
         at = np.append(feature.parameters, 0.0)[:2]
         if feature.kind not in ("patch", "curve"):
@@ -216,7 +216,7 @@ def _moved(pose, points):
 
 
 def _starts(a, pose_a, b, pose_b):
-    """Pairs of samples, as rows of either shape; and the least distance of any two samples."""
+    """Return pairs of samples, as indices into both, and the least distance of any two samples."""
     found = {}
     p, q = _moved(pose_a, a.points), _moved(pose_b, b.points)
     for from_a in (True, False):
@@ -233,7 +233,7 @@ def _starts(a, pose_a, b, pose_b):
 
 
 def _gradient(way, jet_a, jet_b):
-    """Gradient (k, 4) and Hessian (k, 4, 4) of half the squared distance."""
+    """Return gradient (k, 4) and Hessian (k, 4, 4) of half the squared distance."""
     jacobian = np.concatenate((-jet_a[:, 1:3], jet_b[:, 1:3]), axis=1)
     gradient = (jacobian * way[:, None]).sum(axis=-1)
     hessian = (jacobian[:, :, None] * jacobian[:, None]).sum(axis=-1)
@@ -246,13 +246,13 @@ def _gradient(way, jet_a, jet_b):
 
 
 def _refined(a, pose_a, b, pose_b, starts, rounds=60):
-    """Local minima by Newton's method within the starts' spans: parameters (k, 4), distances."""
+    """Return local minima within the starts' spans: parameters (k, 4), distances, spans, limits."""
     names = [(a.group[i], a.span[i], b.group[j], b.span[j]) for i, j in starts]
     group_a, span_a, group_b, span_b = np.array(names).T
     x = np.concatenate((a.at[starts[:, 0]], b.at[starts[:, 1]]), axis=1)
     (low_a, high_a), (low_b, high_b) = a.box(group_a, span_a), b.box(group_b, span_b)
     low, high = np.concatenate((low_a, low_b), axis=1), np.concatenate((high_a, high_b), axis=1)
-    wide = np.where(high > low, high - low, 1.0)  # parameters are measured in spans
+    wide = np.where(high > low, high - low, 1.0)  # the unit of each parameter is its span
 
     def jets(x, where):
         jet_a = a.jets(group_a[where], span_a[where], x[:, :2]) @ pose_a[:3, :3].T
@@ -294,7 +294,7 @@ def _refined(a, pose_a, b, pose_b, starts, rounds=60):
 
 
 def _in_digits(a, pose_a, b, pose_b, x, spans, low, high):
-    """The distance at a local minimum in 30 digits, by Newton's method in them."""
+    """Return the distance at a local minimum to 30 digits, by Newton's method in that precision."""
     big = np.vectorize(mpmath.mpf, otypes=[object])
     pose_a, pose_b, x = big(pose_a), big(pose_b), big(x)
     group_a, span_a, group_b, span_b = (np.array([each]) for each in spans)
@@ -320,7 +320,7 @@ def _in_digits(a, pose_a, b, pose_b, x, spans, low, high):
         matrix = mpmath.matrix([[hessian[i, j] for j in free] for i in free])
         scale = max(abs(matrix[i, i]) for i in range(len(free)))
         for i in range(len(free)):
-            matrix[i, i] += scale * mpmath.mpf(10) ** -24  # crossing: many points are the minimum
+            matrix[i, i] += scale * mpmath.mpf(10) ** -24  # if shapes cross, minima are not unique
         try:
             step = mpmath.lu_solve(matrix, mpmath.matrix([-gradient[i] for i in free]))
         except ZeroDivisionError:
@@ -336,7 +336,7 @@ def _in_digits(a, pose_a, b, pose_b, x, spans, low, high):
 
 
 def reference(a, pose_a, b, pose_b):
-    """The minimum distance of two shapes (an mpf), and the least of any two samples."""
+    """Return the minimum distance of two shapes (an mpf), and the least of any two samples."""
     pose_a, pose_b = np.asarray(pose_a, float), np.asarray(pose_b, float)
     starts, sampled = _starts(a, pose_a, b, pose_b)
     x, found, *rest = _refined(a, pose_a, b, pose_b, starts)

@@ -45,13 +45,13 @@ CONTINUA = {
 
 @cache
 def distances_of(name):
-    """Distances (m, n) of all triangles of such bodies, which brute force takes long for."""
+    """Return distances (m, n) of all triangles of two bodies, cached as brute force is slow."""
     a, b, pose_b = CONTINUA[name]
     return pairwise_distances(triangles(a), triangles(b, pose_b))
 
 
 def pairs(manifold):
-    """Which faces (m, n) of a and of b make up a manifold; each pair is in it once."""
+    """Return which pairs of faces (m, n) a manifold holds. Each pair is in it at most once."""
     held = np.zeros((len(manifold.faces_a), len(manifold.faces_b)), int)
     for k in range(len(manifold)):
         held[np.ix_(*manifold.faces(k))] += 1
@@ -60,7 +60,7 @@ def pairs(manifold):
 
 
 def check(found, distances, rounding):
-    """No pair is missing, none is there without need, and the bounds of each hold."""
+    """Check that no pair is missing, that no pair is needless, and that each pair's bounds hold."""
     m = found.manifold
     held = pairs(m)
     assert held[distances <= found.upper - rounding].all()
@@ -85,7 +85,7 @@ def test_continua_are_found_whole(name, order):
     assert found.status is plain.status
     held = check(found, distances, 1e-14)
     assert (distances[held] <= distances.min() + 1e-13).all()
-    assert held.sum() == len(found.manifold) > 20  # triangles, not volumes
+    assert held.sum() == len(found.manifold) > 20  # pairs of triangles, not of volumes
 
 
 @pytest.mark.long
@@ -111,7 +111,7 @@ def test_a_tolerance_leaves_volumes_alone_and_misses_nothing(tolerance, order):
         found = engine.distance(a, IDENTITY, b, pose_b, order=order, manifold=True, **tolerance)
         exact = engine.distance(a, IDENTITY, b, pose_b, order=order, manifold=True)
         held = check(found, distances, 1e-14)
-        # But for an opening or two: equal bounds come in another order.
+        # Allow for an opening or two: equal bounds come in another order.
         assert found.bound_tests <= 1.01 * exact.bound_tests
         assert held[pairs(exact.manifold)].all()
         if exact.lower > 0.0:
@@ -142,7 +142,7 @@ def test_a_cut_search_has_all_that_is_left_and_goes_on(order):
 
 @pytest.mark.parametrize("order", ORDERS)
 def test_contacts_are_all_there_when_the_search_says_so(order):
-    """A contact ends other searches, and not this one."""
+    """A contact ends other searches, but not the search for a manifold."""
     a = plate(20)
     whole = engine.distance(a, IDENTITY, a, IDENTITY, order=order, manifold=True)
     pair, answers = engine.Pair(a, a), []
@@ -164,12 +164,12 @@ def test_intersecting_bodies_give_every_contact():
         contacts = engine.collide(a, here, b, IDENTITY, all_contacts=True).contacts
         assert found.status is Status.INTERSECTING
         assert np.array_equal(np.argwhere(pairs(found.manifold)), np.unique(contacts, axis=0))
-        assert len(contacts) > 4096  # more than there is room for at first
+        assert len(contacts) > 4096  # more than the first buffer holds
 
 
 @pytest.mark.parametrize("order", ORDERS)
 def test_a_budget_is_kept(order):
-    """Among many: a machine that is disturbed may be late now and then, a search never is."""
+    """The best of many runs counts: a busy machine may delay some, but the search must not."""
     a, b = sphere(5), sphere(5, 1.05)
     pair = engine.Pair(a, b)
     pair.distance(IDENTITY, IDENTITY, order=order, manifold=True, budget_s=0.0)
@@ -182,7 +182,7 @@ def test_a_budget_is_kept(order):
             assert found.elapsed_s <= perf_counter() - start
             if found.status is Status.OUT_OF_TIME:
                 late.append(found.elapsed_s - budget)
-            else:  # a fast machine is done before the longest of these budgets ends
+            else:  # a fast machine finishes within the longest of these budgets
                 assert found.elapsed_s < budget
     assert min(late) < 1e-3
 
@@ -197,7 +197,7 @@ def test_ordinary_questions_have_none():
 
 
 def test_ties_that_are_apart_are_groups_of_their_own():
-    """Two tops above a plate, and each of them between some triangles that meet below it."""
+    """Two points above a plate: each is nearest to a few triangles that meet below it."""
     tops = engine.points([[0.26, 0.24, 0.5], [0.74, 0.76, 0.5]])
     found = engine.distance(plate(8), IDENTITY, tops, IDENTITY, manifold=True)
     assert found.solution_set is not None
@@ -211,7 +211,7 @@ def test_ties_that_are_apart_are_groups_of_their_own():
 
 @pytest.mark.parametrize("kind", ["meshes", "surfaces"])
 def test_an_answer_keeps_its_rows_while_the_pair_goes_on(kind):
-    """What is made when it is read is of its own question, whatever was asked since."""
+    """Manifold and solution set are made on reading, but belong to their own question."""
     a, b = sphere(3, 1.0), sphere(3, 0.5)
     if kind == "surfaces":
         a = b = engine.ParametricSurface(torus_patches())

@@ -1,4 +1,4 @@
-"""Memory that outlives its search: it is used again, never by two at once, and holds no traces."""
+"""Memory that outlives its search is reused, never by two searches at once, and without traces."""
 
 import gc
 import re
@@ -46,9 +46,10 @@ QUESTIONS = {
 
 @pytest.fixture(autouse=True, scope="module")
 def others_are_gone() -> None:
-    """No search of other tests gives its memory back later on.
+    """Keep searches of earlier tests from giving their memory back during these tests.
 
-    Nor does one of these: frames of a question that compiles hold it until garbage is collected.
+    A question that compiles leaves frames that hold its memory until garbage is collected. So ask
+    every question once, then collect.
     """
     for ask in QUESTIONS.values():
         ask()
@@ -57,7 +58,7 @@ def others_are_gone() -> None:
 
 @pytest.fixture(autouse=True)
 def none_kept() -> Iterator[None]:
-    """Each test begins with no memory but that of its own searches."""
+    """Start and end each test with no kept memory."""
     memory._kept.clear()
     yield
     memory._kept.clear()
@@ -65,7 +66,7 @@ def none_kept() -> Iterator[None]:
 
 @pytest.fixture
 def made(monkeypatch) -> list[memory.Memory]:
-    """The memories that were made."""
+    """Return a list to which each new Memory is appended."""
     found = []
     begin = memory.Memory.__init__
 
@@ -88,7 +89,7 @@ def test_a_question_uses_the_memory_of_the_one_before(name, made):
 
 
 def arrays(kept: memory.Memory) -> list[np.ndarray]:
-    """All that a search writes to, or that is remembered of it."""
+    """Return all arrays that a search writes to or remembers in."""
     if hasattr(kept, "ball"):
         return [*kept.ball, *kept.more]
     state = kept.state
@@ -96,7 +97,7 @@ def arrays(kept: memory.Memory) -> list[np.ndarray]:
 
 
 def spoil(kept: memory.Memory) -> None:
-    """Write to all of it what no search can use: not numbers, or elements that do not exist."""
+    """Fill the memory with values that no search can use: NaN, or indices of missing elements."""
     for array in arrays(kept):
         array.reshape(-1).view(np.uint8)[:] = 0xFF
 
@@ -118,13 +119,13 @@ def test_models_of_other_sizes_and_questions_of_all_kinds_take_turns():
 
 
 def span(array: np.ndarray) -> tuple[int, int]:
-    """Where an array begins and ends."""
+    """Return the first and the end address of an array."""
     begin = array.__array_interface__["data"][0]
     return begin, begin + array.nbytes
 
 
 def owned(*pairs: engine.Pair) -> list[np.ndarray]:
-    """The arrays of their searches that hold anything."""
+    """Return the non-empty arrays of the pairs' searches."""
     searches = [each for pair in pairs for each in (pair._search, pair._signed) if each]
     kept = [each._own if hasattr(each, "_own") else each._depth._own for each in searches]
     return [array for each in kept for array in arrays(each) if array.nbytes]
@@ -182,7 +183,7 @@ def test_memory_comes_back_from_a_question_that_is_refused(made):
             engine.distance(BALL, IDENTITY, OTHER, bad)
     with pytest.raises(ValueError, match="order"):
         engine.distance(BALL, IDENTITY, OTHER, APART, order="none")
-    gc.collect()  # an error and the frames that it came through may hold each other
+    gc.collect()  # an error and the frames that it passed through may refer to each other
     QUESTIONS["within"]()
     assert len(made) == len(memory._kept) <= 2
 
@@ -202,7 +203,7 @@ def test_what_is_kept_is_bounded():
 
 
 def test_threads_never_own_the_same_memory(monkeypatch):
-    """And their answers are those of one thread alone."""
+    """The answers of several threads equal those of one thread."""
     names = ["distance", "within", "depth", "clear", "surfaces", "batch"]
     expected = {name: np.array(QUESTIONS[name]()) for name in names}
     busy: set[int] = set()
@@ -234,7 +235,7 @@ def test_threads_never_own_the_same_memory(monkeypatch):
 
 @pytest.mark.skipif(not Path("/proc/self/smaps").exists(), reason="only Linux tells")
 def test_no_search_asks_for_huge_pages():
-    """To provide one may take the system milliseconds, within a question that has a budget."""
+    """The system may take milliseconds to provide a huge page, within a question with a budget."""
     ring = engine.SolidOfRevolution([engine.Curve(PROFILE)])
     searches = [
         run.Search(BALL, OTHER, "breadth_first", True),
@@ -245,7 +246,7 @@ def test_no_search_asks_for_huge_pages():
     large = 0
     for search in searches:
         for array in (*search.state.open, *search.state.waiting):
-            if array.nbytes >= 1 << 22:  # smaller ones may lie where a large one did
+            if array.nbytes >= 1 << 22:  # a smaller array may lie in the place of a freed large one
                 large += 1
                 begin = array.__array_interface__["data"][0]
                 end = begin + array.nbytes
@@ -254,7 +255,7 @@ def test_no_search_asks_for_huge_pages():
 
 
 def mappings_with_huge_pages() -> list[tuple[int, int]]:
-    """Where the parts of this process's memory begin and end that are marked for them."""
+    """Return the address ranges of this process that are marked for huge pages."""
     found, begin, end = [], 0, 0
     for line in Path("/proc/self/smaps").read_text().splitlines():
         first, *rest = line.split()

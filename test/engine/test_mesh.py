@@ -1,4 +1,4 @@
-"""Triangle meshes, points and polylines from arrays; every bad array is refused by name."""
+"""Triangle meshes, points and polylines from arrays; each bad array is refused by name."""
 
 from __future__ import annotations
 
@@ -139,7 +139,7 @@ def test_a_vertex_that_no_face_uses_is_not_part_of_the_surface():
 
 
 def test_degenerate_triangles_take_part():
-    """A triangle, a segment, a point and a repeated triangle; each is nearest to something."""
+    """A triangle, a segment, a point and a repeated triangle: each is nearest to some point."""
     vertices = [*CORNERS, [5.0, 0.0, 0.0], [6.0, 0.0, 0.0], [-5.0, 0.0, 0.0]]
     faces = [[0, 1, 2], [4, 5, 5], [6, 6, 6], [0, 1, 2]]
     mesh = engine.TriangleMesh(vertices, faces)
@@ -213,7 +213,7 @@ def test_a_mesh_can_be_sent_to_another_process():
 
 @pytest.mark.long
 def test_the_engine_works_without_trimesh():
-    """Models made from arrays need no file reader; it is imported where a file is loaded."""
+    """Models made from arrays need no file reader. Loading a file imports it."""
     code = (
         "import sys; from proximity_monitor import engine; "
         "engine.points([[0.0, 0.0, 0.0]]); sys.exit('trimesh' in sys.modules)"

@@ -1,4 +1,4 @@
-"""Newton's method on two elements, where it leads across the edges of triangles."""
+"""Newton's method on two elements, with steps across the edges of triangles."""
 
 import numpy as np
 import pytest
@@ -14,9 +14,9 @@ RING = engine.ParametricSurface(torus_patches())
 
 
 def test_a_step_over_two_parameters_is_that_of_numpy():
-    """Held at an end, pressed outwards or not; damped or not; not positive, and then refused."""
+    """Parameters may be at an end, pressed outwards or not, and damped; indefinite is refused."""
     solve, rng, refused = from_python(triangle_newton._solve), np.random.default_rng(3), 0
-    trees, factor = (0, 0), np.empty((4, 4))  # neither is looked at
+    trees, factor = (0, 0), np.empty((4, 4))  # neither is read
     for _ in range(400):
         x, gradient, hessian = rng.choice([0.0, 0.5, 1.0], 4), rng.normal(size=4), np.zeros((4, 4))
         half = rng.normal(size=(2, 2))
@@ -41,8 +41,8 @@ def test_a_step_over_two_parameters_is_that_of_numpy():
 
 
 def test_points_that_are_near_enough_are_not_moved():
-    """Where models meet, a search for a local minimum ends within what a distance may err by."""
-    assert surface_mesh.search  # it implements what Newton's method asks of triangles
+    """If models meet, a search for a local minimum ends within the error allowed of a distance."""
+    assert surface_mesh.search  # importing it registers the triangle kernels of Newton's method
     nearest = from_python(newton.nearest_near)
     ball = engine.TriangleMesh(*shapes.sphere(0.2, around=16, bands=10))
     trees, motion = (RING._hierarchy.tree, ball._hierarchy.tree), np.append(np.eye(3), [2.0, 0, 0])
@@ -58,9 +58,9 @@ def test_points_that_are_near_enough_are_not_moved():
 
 @pytest.mark.parametrize("turned", [False, True])
 def test_searches_end_where_a_surface_crosses_a_mesh(turned):
-    """Points of both came within 1e-13 to 1e-8 of each other, and zigzagged along an edge there.
+    """Formerly, points of both came within 1e-13 to 1e-8 of each other and zigzagged along an edge.
 
-    At six of these poses the search went on until there was no room for more.
+    At six of these poses the search went on until its room was full.
     """
     ring, ball = RING, engine.TriangleMesh(*shapes.sphere(0.2, around=16, bands=10))
     rng, count = np.random.default_rng(4), 4000

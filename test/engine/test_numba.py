@@ -1,7 +1,7 @@
-"""What the engine takes for granted of numba beyond its documentation, one thing at a time.
+"""What the engine assumes of numba beyond its documentation, one assumption per test.
 
-All of it stands in kernels/base. When a new numba breaks the engine, the tests that fail here say
-which assumption it broke; the newest numba that the engine is known to work with stands below.
+All such code is in kernels/base. If a new numba breaks the engine, the tests that fail here name
+the broken assumption. The newest numba known to work is given below.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ RECORD = np.dtype([("count", np.int64), ("vector", np.float64, (3,))], align=Tru
 
 
 def run(kernel):
-    """A kernel that is called from Python: compiled as an entry is, but kept nowhere."""
+    """Compile a kernel that Python calls, as an entry is compiled, but without a cache."""
     compiled = jit.entry(kernel)
     compiled._cache = NullCache()
     return compiled
@@ -121,7 +121,7 @@ def test_kernels_do_without_reference_counts():
 
 
 def test_helpers_are_linked_where_they_are_called():
-    """Machine code is made of them there alone: see linking.py."""
+    """Helpers become machine code only where they are called: see linking.py."""
 
     @jit.kernel
     def below(x):
@@ -150,7 +150,7 @@ def test_helpers_are_linked_where_they_are_called():
 
 
 def test_kernels_take_no_options_from_their_callers():
-    """Or sums would be reordered below a `loop16`, and which ones by the order of questions."""
+    """Otherwise sums below a `loop16` would be reordered, depending on the order of questions."""
 
     @jit.kernel
     def below(x, y):
@@ -202,7 +202,7 @@ def test_lanes_become_masks():
 
 
 def kind_of(thing):
-    """A stub."""
+    """A stub, implemented for two types below."""
 
 
 @jit.implements(kind_of, Own)
@@ -258,7 +258,7 @@ def test_a_kernel_is_kept_and_found_again(tmp_path, monkeypatch):
 
 
 def test_tables_lead_to_the_arrays_that_they_were_made_of():
-    """The kernels fix positions and types by hand: what they read is what was put there."""
+    """The kernels fix offsets and types by hand, so check that they read the values put there."""
 
     @run
     def read(model, memory_of_search):
@@ -333,7 +333,7 @@ def test_tables_of_solids_and_of_balls_lead_to_their_arrays():
 
 @pytest.mark.long
 def test_only_the_base_is_clever():
-    """What numba does not document, and LLVM, are used in one room alone."""
+    """Only kernels/base and compiling.py use LLVM and what numba does not document."""
     found = []
     for file in sorted(BASE.parents[1].rglob("*.py")):
         if file.parent == BASE or file.name == "compiling.py":

@@ -1,4 +1,4 @@
-"""Points, derivatives and Bezier pieces of patches and curves, beside scipy and exact fractions."""
+"""Points, derivatives and Bezier pieces of patches and curves, against scipy and fractions."""
 
 from __future__ import annotations
 
@@ -76,9 +76,9 @@ def test_curves_agree_with_scipy(knots):
 
 
 def blossoms(knots, degree, points, span, low, high):
-    """The values of a B-spline's blossom in exact arithmetic (de Boor's scheme).
+    """Return values of a B-spline's blossom in exact arithmetic (de Boor's scheme).
 
-    Of its arguments none, one, two ... are `high`, and the others `low`.
+    None, one, two, ... of the arguments are `high`, and the rest are `low`.
     """
 
     def step(d, level, x):
@@ -104,7 +104,7 @@ def blossoms(knots, degree, points, span, low, high):
     ("degree", "knots", "decades"), covering((1, 2, 3, 8, 15), KNOTS, (0.0, 8.0))
 )
 def test_pieces_are_those_of_exact_arithmetic(knots, degree, decades):
-    """But for what the tree says that rounding did."""
+    """The pieces may differ from exact arithmetic by the rounding error that the tree states."""
     made = curve(6, degree + 5, degree, knots, decades)
     weights = np.ones(len(made.control)) if made.weights is None else made.weights
     exact = [[*(Fraction(x) for x in row), Fraction(1)] for row in made.control.tolist()]

@@ -1,4 +1,4 @@
-"""Solids with holes, whose inside is where they wind around a point more than half."""
+"""Solids with holes: a point is inside if the winding number around it is more than a half."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ BOX_FACES = (
     (0, 1, 3), (0, 3, 2), (0, 4, 5), (0, 5, 1), (2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4),
     (1, 5, 7), (1, 7, 3),
 )  # fmt: skip
-"""All but those of one end, x = 1, of the corners that `box_corners` makes."""
+"""All faces but those of the end x = 1, for the corners that `box_corners` makes."""
 
 
 def box_corners(width):
-    """Corners (8, 3) of a box that is 2 long, so wide, and 1 high."""
+    """Return the corners (8, 3) of a box 2 long, `width` wide and 1 high."""
     return np.array([(x, y, z) for x in (-1.0, 1.0) for y in (0.0, width) for z in (-1.0, 0.0)])
 
 
@@ -37,7 +37,7 @@ def _rim_distance(solid, p):
 def test_no_open_edge_is_nearer_than_is_said(seed):
     rng = np.random.default_rng(seed)
     solid = box((2.0, 2.0, 2.0))
-    # Small triangles that are open all around, far away and next to each other.
+    # Small triangles with three open edges each, far away and next to each other.
     places = rng.normal(size=(40, 3)) * 10.0 ** rng.uniform(-4.0, 1.0, (40, 1))
     loose = places[:, None] + rng.normal(size=(40, 3, 3)) * 1e-6
     vertices = np.concatenate((solid.vertices, loose.reshape(-1, 3)))
@@ -46,7 +46,7 @@ def test_no_open_edge_is_nearer_than_is_said(seed):
     table = sides_of(mesh).table
     points = places[rng.integers(40, size=200)]
     points = points + rng.normal(size=(200, 3)) * 10.0 ** rng.uniform(-4.0, 0.0, (200, 1))
-    edges = loose[:, [[0, 1, 1], [1, 2, 2], [2, 0, 0]]].reshape(-1, 3, 3)  # flat triangles
+    edges = loose[:, [[0, 1, 1], [1, 2, 2], [2, 0, 0]]].reshape(-1, 3, 3)  # edges as flat triangles
     true = point_distances(points, edges)
     found = np.array([_rim_distance(table, p) for p in points])
     assert (found <= true).all()
@@ -73,7 +73,7 @@ def test_the_side_of_a_long_thin_triangle_is_right_close_to_it(width):
 
 
 def layers(turn):
-    """Three layers that face the same way: they wind once around what is near them."""
+    """Return three sheets that face the same way. They wind about once around near points."""
     sheet = np.array([(-1.0, -1.0, 0.0), (1.0, -1.0, 0.0), (1.0, 1.0, 0.0), (-1.0, 1.0, 0.0)])
     vertices = np.concatenate([sheet + np.array((0.0, 0.0, 1e-3 * k)) for k in range(3)])
     faces = np.concatenate([np.array([(0, 1, 2), (0, 2, 3)]) + 4 * k for k in range(3)])

@@ -1,8 +1,8 @@
-"""Poses of curved parts at which searches once went on for long, or ended open.
+"""Poses of curved parts at which searches once took long, or did not finish.
 
-What is straight one way, as the wall of a cylinder, falls into long strips. A bound along a
-direction that is tilted along one of them is worse by the tilt times its length, so the way between
-near points has to be normal to it.
+A surface that is straight in one direction, such as the wall of a cylinder, is divided into long
+strips. If the search direction is tilted along a strip, the bound is worse by the tilt times the
+strip's length. So the line between the near points must be normal to the strip.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from proximity_monitor.study import shapes
 
 
 def cube():
-    """Six flat patches."""
+    """Return a cube of six flat patches."""
     corners = np.array([[-0.5, -0.5], [-0.5, 0.5], [0.5, -0.5], [0.5, 0.5]]).reshape(2, 2, 2)
     made = []
     for axis in range(3):
@@ -41,7 +41,7 @@ OTHERS = {
 
 
 def apart(a, b, seed, count):
-    """Random poses of b beside a, some of which cross it."""
+    """Return random poses of b beside a; at some of them b crosses a."""
     rng = np.random.default_rng(seed)
     made = np.stack([pose(rng) for _ in range(count)])
     way = rng.normal(size=(count, 3))
@@ -63,9 +63,9 @@ def test_exact_answers_end_soon(name, order):
 
 
 def test_a_crossing_that_is_come_upon_slowly(monkeypatch):
-    """Of as many iterations as are the most, the last ones go to the crossing in leaps.
+    """Newton's method leaps to the crossing only in its last iterations, so it may go on.
 
-    From pieces that are all alike in their parameters, that is.
+    This is so if all pieces are cut evenly in their parameters.
     """
     monkeypatch.setattr(SurfaceHierarchy, "parts_of", staticmethod(even_parts))
     vase_at = np.array([

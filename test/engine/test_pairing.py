@@ -1,4 +1,4 @@
-"""Which triangles share a leaf: neighbours that are flat together, each in one leaf only."""
+"""Which triangles share a leaf: neighbours that are nearly coplanar. Each triangle has one leaf."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ BODIES = SMALL | {"ball": lambda: sphere(3), "ring": lambda: torus(40)}
 
 
 def leaves(mesh):
-    """The caller's faces of each leaf."""
+    """Return the faces of each leaf, by the caller's numbers."""
     children = mesh._hierarchy.tree.children
     codes = children[(children < 0) & (children != EMPTY)].tolist()
     return [[int(mesh._hierarchy.numbers[t]) for t in leaf_triangles(code)] for code in codes]
@@ -57,7 +57,7 @@ def test_a_box_is_its_six_sides():
 
 
 def grid(n, m, turn=0.0):
-    """Squares of two triangles each, in one plane."""
+    """Return n by m squares in one plane, each of two triangles."""
     x, y = np.meshgrid(np.arange(n + 1.0), np.arange(m + 1.0), indexing="ij")
     c, s = np.cos(turn), np.sin(turn)
     points = np.stack((c * x - s * y, s * x + c * y, 0.3 * x + 0.0 * y), axis=2).reshape(-1, 3)
@@ -105,7 +105,7 @@ def test_where_all_edges_are_as_long_none_stays_alone_beside_another():
 
 
 def test_a_fan_is_taken_apart_by_twos():
-    """Each triangle's longest edge is longer than the one before: the choices go along the fan."""
+    """Each triangle's longest edge is longer than the previous one's: choices run along the fan."""
     count = 200
     angle = np.linspace(0.0, 3.0, count + 1)
     reach = np.linspace(1.0, 2.0, count + 1)
@@ -129,7 +129,7 @@ def test_a_sharp_edge_parts_leaves():
 
 @pytest.mark.parametrize("faces", [[[0, 1, 2]] * 5, [[0, 1, 2], [1, 2, 0], [2, 1, 0], [0, 2, 1]]])
 def test_a_triangle_that_is_drawn_again_stands_alone(faces):
-    """With its neighbour it would be bounded twice: see test_places."""
+    """If it shared a leaf with its neighbour, it would be bounded twice: see test_welding."""
     points = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]]
     mesh = engine.TriangleMesh(points, [*faces, [1, 3, 2]])
     assert len(shared(mesh)) == 1
@@ -137,7 +137,7 @@ def test_a_triangle_that_is_drawn_again_stands_alone(faces):
 
 
 def unwelded(mesh):
-    """The same triangles, each with vertices of its own."""
+    """Return the same triangles, each with its own vertices."""
     corners = mesh.vertices[mesh.faces].reshape(-1, 3)
     return engine.TriangleMesh(corners, np.arange(len(corners)).reshape(-1, 3))
 
@@ -157,7 +157,7 @@ def test_zeros_of_either_sign_are_one_place():
 
 
 def test_an_edge_of_many_triangles_parts_them_by_twos():
-    """A book: of its pages, which lie flat on each other by twos, no three share a leaf."""
+    """The faces are pages of a book, nearly flat on each other. No three of them share a leaf."""
     pages = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]
     pages += [[0.5, np.cos(0.001 * k), np.sin(0.001 * k)] for k in range(7)]
     mesh = engine.TriangleMesh(pages, [[0, 1, 2 + k] for k in range(7)])
@@ -191,7 +191,7 @@ def test_a_leaf_that_is_folded_later_still_holds_both(volume):
     for height in (0.5, 1.0, 1e3, 1e-12, 0.0):
         for _ in range(5):
             folded = points.copy()
-            folded[3] = [1.0 - height * rng.uniform(), rng.uniform(), height]  # over the other
+            folded[3] = [1.0 - height * rng.uniform(), rng.uniform(), height]  # over the first
             mesh.deform(folded)
             check_tree(mesh._hierarchy.tree, volume)
     for folded in (0.0 * points, points[:, [0, 0, 0]], points * [1.0, 1e-200, 1.0]):
@@ -202,7 +202,7 @@ def test_a_leaf_that_is_folded_later_still_holds_both(volume):
 @pytest.mark.parametrize("volume", ["rss", "lss", "obb"])
 @pytest.mark.parametrize("size", [1e-79, 1e-80, 1e-82, 1e-101, 1e-150, 1e-158, 1e-160, 1e-162])
 def test_leaves_whose_products_underflow_have_perpendicular_unit_axes(size, volume):
-    """In float64 a square below 1e-308 has lost digits, and so has the direction it normalises."""
+    """A float64 square below 1e-308 has lost digits, and so has a direction normalised by it."""
     rng = np.random.default_rng(11)
     tiny = size * rng.normal(size=(40, 3, 3))
     thin = rng.normal(size=(40, 3, 3))

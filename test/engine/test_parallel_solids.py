@@ -1,4 +1,4 @@
-"""Depths of solids whose surfaces are nearly parallel, or touch along lines, and what they cost."""
+"""Depths of solids whose surfaces are nearly parallel or touch along lines, and their cost."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ FIT = 0.005
 
 
 def turned(*profile):
-    """A solid of revolution about z; its profile is a polygon of radii and places along z."""
+    """Return a solid of revolution about z; its profile is a polygon of (radius, z) corners."""
     made = []
     for first, last in zip(profile, profile[1:] + profile[:1], strict=True):
         if first[0] + last[0] > 0.0:
@@ -37,11 +37,11 @@ def bearing():
 
 @pytest.mark.parametrize("overlap", [1e-2, 1e-3, 1e-4])
 def test_a_shaft_beside_the_axis_of_its_bearing(shaft, bearing, overlap):
-    """Both surfaces are nearly parallel; planes alone took 32,768 cells and did not end."""
+    """Both surfaces are nearly parallel. Formerly, planes took 32,768 cells and did not end."""
     at = pose(np.random.default_rng(2), 1.0)
     to = at @ translation(FIT + overlap, 0.0, 0.1)
     both = [(shaft, at, bearing, to), (bearing, to, shaft, at)]
-    # The bearing first, the thinnest overlap does not end: no ball is found to begin with.
+    # With the bearing first, the thinnest overlap does not end: no ball is found at the start.
     for a, pose_a, b, pose_b in both[: 1 if overlap < 1e-3 else 2]:
         found = engine.signed_distance(a, pose_a, b, pose_b)
         check(found, -overlap)
@@ -52,7 +52,7 @@ def test_a_shaft_beside_the_axis_of_its_bearing(shaft, bearing, overlap):
 
 
 def test_a_blade_pushed_into_its_shroud():
-    """A ruled tip: its parts stayed as long as they were, and no point of it was found."""
+    """The tip is ruled. Formerly, its parts kept their length, and no point of it was found."""
     models = bundled("turbine").parent / "models"
     blade = engine.load(models / "blade.json", solid=True)
     shroud = engine.load(models / "shroud.json", solid=True)

@@ -1,4 +1,4 @@
-"""Into how many parts the spans of patches are cut."""
+"""The number of parts into which each span of a patch is cut."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ from proximity_monitor.engine.models.trim import Trim
 
 
 def rectangle(width, height, trim=None):
-    """A flat patch, one span in either direction."""
+    """Return a flat patch of one span in either direction."""
     control = [[[u, v, 0.0] for v in (0.0, height)] for u in (0.0, width)]
     return engine.Patch(control, trim=trim)
 
@@ -27,7 +27,7 @@ def test_pieces_of_large_and_of_small_patches_are_about_equally_long(size):
     parts = np.array(parts_of(nets_of(*(rectangle(*size * each) for each in sides))))
     assert 900 <= parts.prod(axis=1).sum() <= 1024
     lengths = sides / parts
-    cut = (parts > 1) & (parts < 8)  # the others are shorter, or as short as they may be
+    cut = (parts > 1) & (parts < 8)  # uncut spans are shorter, and 8 parts are the most
     assert lengths[cut].max() < 1.6 * lengths[cut].min()
     assert lengths[parts == 1].max() <= lengths[cut].max()
 
@@ -49,7 +49,7 @@ def test_curves_points_and_many_spans():
 
 
 def test_a_model_that_is_deformed_keeps_its_parts():
-    """Its structure stays, though other patches are the long ones."""
+    """A deformed model keeps its tree's structure, though other patches are now the long ones."""
     model = engine.ParametricSurface([rectangle(8.0, 1.0), rectangle(1.0, 1.0)])
     before = model._hierarchy
     points = model.control_points.copy()

@@ -1,4 +1,4 @@
-"""Pickles and copies own their memory: no address of the original's goes with them."""
+"""Pickles and copies own their memory: they hold no address of the original's memory."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ PAIRS = np.array([(0, 1), (0, 2), (1, 2), (2, 3), (0, 3), (1, 3)])
 
 
 class Crowd:
-    """Bodies, what is known of their pairs, and what is to be asked."""
+    """Bodies, the bounds known of their pairs, and a schedule of questions."""
 
     def __init__(self):
         self.poses = np.array([pose(np.random.default_rng(k), 2.0) for k in range(4)])
@@ -43,17 +43,17 @@ class Crowd:
 
 
 def searched(schedule):
-    """The certified bounds after all that a schedule wants is searched."""
+    """Return the certified bounds after all searches that a schedule wants."""
     schedule.search_together(schedule.queries(schedule.order()), 60.0, 1, lambda: 0.0)
     return np.stack([schedule.report(0.0)[0][name] for name in ("lower", "upper")])
 
 
 def memory_of(thing, models=(), seen=None):
-    """Every array that an object reaches without passing its models."""
+    """Return every array that can be reached from an object without passing its models."""
     seen = {} if seen is None else seen
     if id(thing) in seen or any(thing is model for model in models):
         return []
-    if hasattr(thing, "py_func"):  # a kernel, which all share
+    if hasattr(thing, "py_func"):  # a kernel: all objects share it
         return []
     seen[id(thing)] = thing
     if hasattr(thing, "py_func"):  # compiled code has no memory of a search
@@ -73,7 +73,7 @@ def memory_of(thing, models=(), seen=None):
 
 
 def things():
-    """One of each, with something to remember."""
+    """Return one object of each class, each with something to remember."""
     pair = engine.Pair(*NESTED)
     pair.distance(NEAR, IDENTITY)
     pair.signed_distance(NEAR, IDENTITY)
@@ -101,7 +101,7 @@ def test_nothing_that_is_written_to_is_shared(kind, route):
     mine = memory_of(thing, given)
     another = ROUTES[route](thing)
     if kind == "Pair":
-        another.distance(NEAR, IDENTITY)  # it has memory when it is asked
+        another.distance(NEAR, IDENTITY)  # a copied pair takes memory when it is first asked
     other = memory_of(another, given)
     assert mine
     assert other or kind == "Assembly", "which has memory when it is asked"

@@ -54,7 +54,7 @@ def test_limits_hold_every_derivative(name):
 
 @pytest.mark.parametrize("name", ["bumps", "rational", "degree 15", "torus", "torn", "curve"])
 def test_bounds_of_rectangles_hold(name):
-    """Nothing sampled in a rectangle is nearer, and what is left of it holds the nearest."""
+    """No sample of a rectangle is nearer than its bound; the rectangle left holds the nearest."""
     model = made(name)[0]
     tree, rng = model._hierarchy.tree, np.random.default_rng(5)
     steps, told, less = np.linspace(0.0, 1.0, 9), 0, 0
@@ -94,7 +94,7 @@ def test_bounds_of_rectangles_hold(name):
 @pytest.mark.long
 @pytest.mark.parametrize("name", SURFACES)
 def test_nearest_points_are_those_of_the_oracle(name):
-    """Points around the model, and very near it."""
+    """The points are around the model, and very near it."""
     model, oracle = made(name)
     rng, size = np.random.default_rng(2), size_of(model)
     on = engine.closest_points(model, HERE, size * rng.normal(size=(3, 3))).points
@@ -119,10 +119,10 @@ def test_no_sample_is_nearer():
     found = engine.closest_points(model, HERE, points, normals=True)
     least = np.linalg.norm(points[:, None] - samples, axis=2).min(axis=1)
     assert (found.upper <= least + 1e-13).all()
-    assert (least - found.lower).max() < 4e-3  # samples are that near each other
+    assert (least - found.lower).max() < 4e-3  # the spacing of the samples
     ways = points - found.points
     across = ways - found.normals * (ways * found.normals).sum(axis=1)[:, None]
-    inner = np.linalg.norm(across, axis=1) < 1e-3  # not on the edge
+    inner = np.linalg.norm(across, axis=1) < 1e-3  # the nearest point is not on the edge
     assert inner.sum() > 100
     assert np.abs(across[inner]).max() < 1e-6
 
@@ -151,7 +151,7 @@ def test_slices_do_not_change_the_answers():
 
 
 def test_searches_end_where_all_is_as_near():
-    """Around a sphere's centre, and on the axis of a torus."""
+    """At a sphere's centre the whole sphere is equally near; on a torus's axis, a whole circle."""
     for patches, points, truth in (
         (sphere_patches(), np.zeros((1, 3)), [1.0]),
         (torus_patches(), [[0.0, 0.0, 0.4], [0.0, 0.0, 0.0]], [np.hypot(1.0, 0.4) - 0.3, 0.7]),
@@ -164,7 +164,7 @@ def test_searches_end_where_all_is_as_near():
 
 
 def test_poles_are_exact_from_inside():
-    """There the squared distance is convex in no parameters."""
+    """At a pole, the squared distance is not convex in any parameters."""
     for points, truth, gap in (
         ([[0, 0, 0.5], [0, 0, -0.9]], [0.5, 0.1], 5e-12),
         ([[1e-6, 0, 0.3]], [0.7], 1e-8),
@@ -177,19 +177,19 @@ def test_poles_are_exact_from_inside():
 @pytest.mark.parametrize("away", [1e-2, 1e-3, 1e-5])
 @pytest.mark.parametrize("height", [1.3, 0.7])
 def test_points_beside_the_axis_through_a_pole(away, height):
-    """Weights change about a pole where the surface does not, and parts were divided for that."""
+    """Near a pole, weights vary but the surface does not. Formerly, cells were divided for that."""
     around = np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False) + 0.1
     points = np.stack((away * np.cos(around), away * np.sin(around), 0.0 * around + height), axis=1)
     found = engine.closest_points(engine.ParametricSurface(sphere_patches()), HERE, points)
     truth = np.abs(np.linalg.norm(points, axis=1) - 1.0)
     assert (found.lower <= truth + 1e-15).all()
     assert (truth <= found.upper + 1e-15).all()
-    assert (found.upper - found.lower).max() < 5e-12  # 1e-8, as the search had to tolerate more
+    assert (found.upper - found.lower).max() < 5e-12  # formerly 1e-8, by a larger tolerance
 
 
 @pytest.mark.parametrize("name", ["bumps", "rational", "sphere", "curve"])
 def test_squared_distances_tell_what_is_beyond(name):
-    """Nothing of a piece is nearer than what its control points were found to be beyond."""
+    """If a piece's control points prove it to be beyond a distance, no sample of it is nearer."""
     tree, rng, told = made(name)[0]._hierarchy.tree, np.random.default_rng(8), 0
     for piece in rng.permutation(tree.pieces)[:40]:
         high_v = 1.0 if piece["degree_v"] else 0.0
@@ -223,7 +223,7 @@ def test_points_beyond_the_largest_distance_are_told_to_be():
 
 @pytest.mark.parametrize("model", ["torus", "ring"])
 def test_normals_and_angles_take_none_of_a_budget(model, monkeypatch):
-    """They are made when they are read, of the surface as it was when it was asked about."""
+    """They are computed on reading, from the surface as it was when it was asked about."""
     model = made("torus")[0] if model == "torus" else engine.shapes.torus(1.0, 0.3)
     given, read = np.random.default_rng(3).normal(size=(50, 3)), []
     before = engine.closest_points(model, HERE, given, normals=True)

@@ -29,7 +29,7 @@ ARROW = [(-1, 1), (0, 0.2), (1, 1), (0, -1)]
 
 
 def of_format(kind, points):
-    """A polygon (n, 3) as a file."""
+    """Return a polygon (n, 3) as a file of the given format."""
     lines = [" ".join(map(repr, map(float, point))) for point in points]
     n, ring = len(points), " ".join(map(str, range(len(points))))
     if kind == "obj":
@@ -64,7 +64,7 @@ def load(tmp_path):
 
 
 def placed(flat, turn=0.0):
-    """A flat polygon in space."""
+    """Return a flat polygon placed in space."""
     c, s = np.cos(turn), np.sin(turn)
     points = np.column_stack([flat, np.zeros(len(flat))])
     return points @ np.array([[c, s, 0.0], [-s * c, c * c, s], [s * s, -s * c, c]])
@@ -85,7 +85,7 @@ def test_a_flat_concave_polygon_is_covered_once(load, kind, flat):
             mesh = load(kind, placed(ring[first:] + ring[:first], 0.7))
             assert len(mesh.faces) == len(flat) - 2
             found = area_vectors(mesh) * 1e6
-            # All on the same side, and together as large as the polygon: none lies on another.
+            # All triangles face the same way, and their areas add up to the polygon's: no overlap.
             assert np.linalg.norm(found, axis=1).sum() == pytest.approx(area, rel=1e-9)
             assert np.linalg.norm(found.sum(axis=0)) == pytest.approx(area, rel=1e-9)
 

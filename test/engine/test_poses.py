@@ -1,4 +1,4 @@
-"""Poses: what is a rigid motion, and what each thing that is none is told."""
+"""Poses: which matrices are rigid motions, and what the error says about each other matrix."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ def test_a_rigid_motion_comes_back_as_it_is():
 
 
 def test_every_coordinate_may_be_as_large_as_is_promised():
-    """From one corner of all the space there is to the opposite one: 4e45 m in each direction."""
+    """The points are at opposite corners of the allowed space, 4e45 m apart in each direction."""
     far = np.full(3, 1e45)
     here, there = np.eye(4), np.eye(4)
     here[:3, 3], there[:3, 3] = -far, far

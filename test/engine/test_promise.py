@@ -1,4 +1,4 @@
-"""What opening a volume promises, and what a search saves that opens what promises more."""
+"""The promise of a volume, and the tests that a search saves if it opens what promises more."""
 
 import numpy as np
 import pytest
@@ -15,14 +15,14 @@ from proximity_monitor.study.scenes import SCENES
 from proximity_monitor.study.shapes import sphere, warped_torus
 
 SHARE = 0.04
-"""Of the extent, which counts as well."""
+"""Share of a volume's extent that its promise includes."""
 
 FACES = np.array([[i, j, k] for k in (-1, 1) for i in (-1, 0, 1) for j in (-1, 0, 1)])
-"""Nine points of either flat face, as shares of the half lengths and of the radius."""
+"""Nine points of each flat face, as shares of the half lengths and of the radius."""
 
 
 def outside(points, volumes):
-    """How far points (n, 3) lie outside the nearest of swept rectangles (m, 12)."""
+    """Return how far points (n, 3) lie outside the nearest of swept rectangles (m, 12)."""
     found = np.full(len(points), np.inf)
     for volume in volumes:
         c, u, v, (radius, a, b) = volume[:3], volume[3:6], volume[6:9], volume[9:]
@@ -33,7 +33,7 @@ def outside(points, volumes):
 
 
 def volumes_of(tree, node):
-    """The volumes (m, 12) of a node's lanes that are used, in the frame of the model."""
+    """Return the volumes (m, 12) of a node's used lanes, in the frame of the model."""
     used = tree.children[node * WIDTH : (node + 1) * WIDTH] != EMPTY
     lanes = tree.nodes.reshape(-1, FIELDS, WIDTH)[node].astype(float).T[used]
     lanes[:, :3] += tree.centres[node, :3]
@@ -67,7 +67,7 @@ def test_a_ball_promises_less_than_the_parts_of_its_surface():
     ("gap", "most"), [(0.1, 5049), (0.3, 176), (0.5, 144)], ids=["near", "farther", "far"]
 )
 def test_spheres_in_spheres_take_no_more_tests_than_with_leaves_of_one_triangle(gap, most):
-    """Opened by size alone, those a tenth apart took 20,714."""
+    """If size alone decided what to open, the spheres 0.1 apart would take 20,714 tests."""
     scene = SCENES[f"concentric/{gap}"]()
     (track,) = scene.tracks
     pair = engine.Pair(*(engine.TriangleMesh(*scene.meshes[name]) for name in (track.a, track.b)))

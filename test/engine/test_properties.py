@@ -1,7 +1,7 @@
-"""What holds of every question, whatever is asked: hypothesis looks for one of which it does not.
+"""Properties of every question. Hypothesis looks for a question that violates one.
 
-Half of the questions are about bodies anywhere, half about triangles on a small grid at quarter
-turns, where nearly everything is degenerate: parallel, coplanar, shared, touching, of no area.
+Half of the questions are about bodies anywhere. The other half are about triangles on a small grid
+at quarter turns, where nearly all is degenerate: parallel, coplanar, shared, touching, of no area.
 """
 
 from __future__ import annotations
@@ -29,17 +29,17 @@ from proximity_monitor import engine
 from proximity_monitor.engine import Status
 
 ACCURACY = 4e-15
-"""Of the larger model's coordinates: how far each bound may be from the exact distance."""
+"""Largest error of a bound, as a share of the larger model's coordinates."""
 
 FLOOR = 2e-45
-"""Metres: how far it may be off besides, where coordinates are next to nothing."""
+"""Further allowance in metres, for coordinates that are next to nothing."""
 
 PLAIN = settings(max_examples=40, deadline=None)
 
 
 @dataclass(frozen=True)
 class Question:
-    """Two models, where they are, and what is true of them."""
+    """Two models, their poses, and the exact squared distance."""
 
     a: engine.TriangleMesh
     pose_a: np.ndarray
@@ -49,7 +49,7 @@ class Question:
 
     @property
     def accuracy(self) -> float:
-        """Metres that a bound may be off: its share of the coordinates, and the floor of 1e-45."""
+        """Metres that a bound may be off: a share of the coordinates, and FLOOR."""
         return ACCURACY * magnitude(self.a, self.b, self.pose_a, self.pose_b) + FLOOR
 
     def __repr__(self) -> str:
@@ -58,7 +58,7 @@ class Question:
 
 
 def quarter_turns() -> list[np.ndarray]:
-    """The 24 rotations of a cube: exact in floating point, and so are their products."""
+    """Return the 24 rotations of a cube. They and their products are exact in floating point."""
     found = []
     for order, signs in product(permutations(range(3)), product((1.0, -1.0), repeat=3)):
         matrix = np.eye(4)
@@ -75,7 +75,7 @@ vectors = st.tuples(small, small, small)
 
 @st.composite
 def exact_poses(draw) -> np.ndarray:
-    """A quarter turn and a translation in quarters."""
+    """Draw a quarter turn and a translation in quarters."""
     matrix = draw(st.sampled_from(quarter_turns())).copy()
     matrix[:3, 3] = 0.25 * np.array(draw(vectors))
     return matrix
@@ -83,7 +83,7 @@ def exact_poses(draw) -> np.ndarray:
 
 @st.composite
 def on_a_grid(draw) -> Question:
-    """Up to three triangles each with corners on a grid, at quarter turns."""
+    """Draw two models of up to three triangles with corners on a grid, at quarter turns."""
     corners = st.lists(st.tuples(vectors, vectors, vectors), min_size=1, max_size=3)
     models = [np.array(draw(corners)).reshape(-1, 3) for _ in range(2)]
     a, b = (engine.TriangleMesh(m, np.arange(len(m)).reshape(-1, 3), name="grid") for m in models)
@@ -95,7 +95,7 @@ def on_a_grid(draw) -> Question:
 
 @st.composite
 def anywhere(draw) -> Question:
-    """Two small bodies at random poses."""
+    """Draw two small bodies at random poses."""
     a, b = (SMALL[draw(st.sampled_from(list(SMALL)))] for _ in range(2))
     rng = np.random.default_rng(draw(seeds))
     pose_a, pose_b = (pose(rng, draw(st.sampled_from((0.3, 1.0, 3.0)))) for _ in range(2))
@@ -106,7 +106,7 @@ questions = st.one_of(anywhere(), on_a_grid())
 
 
 def check(lower: float, upper: float, question: Question) -> None:
-    """Both bounds hold, without a tolerance, and are as near as they promise."""
+    """Check that both bounds hold without a tolerance, and are as near as they promise."""
     assert Fraction(lower) ** 2 <= question.squared <= Fraction(upper) ** 2
     exact = root(question.squared)
     assert float(max(Fraction(upper) - exact, exact - Fraction(lower))) <= question.accuracy
@@ -135,7 +135,7 @@ def test_tolerances_are_kept(question, name, value):
     for order in ORDERS:
         found = engine.distance(q.a, q.pose_a, q.b, q.pose_b, order=order, **{name: value})
         assert Fraction(found.lower) ** 2 <= q.squared <= Fraction(found.upper) ** 2
-        # Both the answer and the bound that ends the search are off by rounding.
+        # Rounding affects both the answer and the bound that ends the search.
         assert Fraction(found.upper) <= bound + Fraction(2 * (1 + value) * q.accuracy)
 
 
@@ -145,7 +145,7 @@ def test_symmetry(question):
     q = question
     one = engine.distance(q.a, q.pose_a, q.b, q.pose_b)
     other = engine.distance(q.b, q.pose_b, q.a, q.pose_a)
-    # A rotation is orthogonal to 1e-16: in b's frame the distance is another by as much.
+    # A rotation is orthogonal only to 1e-16, so the distance in b's frame differs by that share.
     size = 2.0 * q.accuracy + ACCURACY * magnitude(q.b, q.a, q.pose_b, q.pose_a) + FLOOR
     assert one.upper == pytest.approx(other.upper, abs=size)
     assert one.lower == pytest.approx(other.lower, abs=2.0 * size)
@@ -167,7 +167,7 @@ def test_a_common_rigid_motion_changes_nothing_but_rounding(question, seed):
     q, motion = question, pose(np.random.default_rng(seed), 5.0)
     one = engine.distance(q.a, q.pose_a, q.b, q.pose_b)
     other = engine.distance(q.a, motion @ q.pose_a, q.b, motion @ q.pose_b)
-    # The product of poses rounds, too: a rotation by 1e-16 of each, translations of about 10.
+    # The product of poses is rounded, too: rotations by 1e-16 each, at translations of about 10.
     assert one.upper == pytest.approx(other.upper, abs=5e-14)
     assert max(one.lower, other.lower) <= min(one.upper, other.upper) + 5e-14
 

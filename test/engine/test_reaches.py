@@ -1,4 +1,4 @@
-"""What parts of a profile reach along vectors of its plane, as far as it is kept beforehand."""
+"""How far parts of a profile reach along vectors of its plane, by stored reaches and by search."""
 
 import math
 
@@ -22,7 +22,7 @@ def reaches_of(arcs, kept, part, fine, x, z, floor):
 
 
 def comb(count):
-    """A rod with many grooves."""
+    """Return a rod with many grooves."""
     rho = np.where(np.arange(count) % 2 == 0, 0.2, 0.25)
     rho[0] = rho[-1] = 0.0
     points = np.stack((rho, np.linspace(0.0, 1.0, count)), axis=1)
@@ -52,16 +52,16 @@ def test_parts_reach_no_less_than_their_points_and_little_more(made):
             assert most <= fine <= coarse * (1.0 + math.copysign(1e-12, coarse)) + 1e-12 * size
             assert coarse <= most + 0.1 * size
             assert fine <= most + 1e-4 * size
-            # Along no vector it matters how long that is.
+            # The reach is proportional to the vector's length, for any vector.
             assert reaches_of(arcs, kept, part, np.inf, 7.0 * x, 7.0 * z, -np.inf) == pytest.approx(
                 7.0 * coarse, abs=1e-12 * size
             )
-            # What reaches no farther than the floor is not looked into.
+            # A part that reaches no farther than the floor is not searched.
             assert reaches_of(arcs, kept, part, 0.0, x, z, most + size) == most + size
 
 
 def points_under(arcs, curves, part):
-    """Points of the pieces of a profile that lie under a part (k, 2): rho and z, metres."""
+    """Return points (k, 2) of a profile's pieces that lie under a part: rho and z, metres."""
     arc = arcs[part]
     if arc["curve"] >= 0:
         return points_of(curves[arc["curve"]], np.linspace(arc["low"], arc["high"], 65))
@@ -70,7 +70,7 @@ def points_under(arcs, curves, part):
 
 
 def points_of(curve, t):
-    """Points of a piece (k, 2), by its Bernstein polynomials."""
+    """Return points (k, 2) of a piece, by its Bernstein polynomials."""
     degree = int(curve["degree"])
     control = curve["control"][: 3 * (degree + 1)].reshape(-1, 3)
     i, t = np.arange(degree + 1), t[:, None]

@@ -1,4 +1,4 @@
-"""A refitted mesh is as right as a new one, and the pairs that hold it see its new shape."""
+"""A refitted mesh answers as well as a new one, and the pairs that hold it see its new shape."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def torus_and_unused_vertices():
 
 
 def unwelded():
-    """A torus whose triangles have vertices of their own: what is one edge by place may tear."""
+    """Return a torus of triangles that share no vertices: edges common by place alone may tear."""
     corners = torus(9).vertices[torus(9).faces].reshape(-1, 3)
     return engine.TriangleMesh(corners, np.arange(len(corners)).reshape(-1, 3))
 
@@ -140,7 +140,7 @@ def test_refitting_back_gives_the_first_answers():
 
 
 def test_pairs_see_the_new_shape():
-    """Also a pair that remembers triangles of the old one, and one of a mesh with itself."""
+    """One pair remembers triangles of the old shape; the other is of the mesh with itself."""
     rng = np.random.default_rng(10)
     mesh, other = torus(), sphere(2)
     pair, itself = engine.Pair(mesh, other), engine.Pair(mesh, mesh)
@@ -204,7 +204,7 @@ def test_bad_vertices_leave_the_mesh_as_it_was(change, message):
 
 @pytest.mark.parametrize("size", [1.0, 1e45, 1e-160, 1e-200, 5e-324, 0.0])
 def test_no_vertex_moves_farther_than_is_told(size):
-    """Squares of the smallest would vanish, and of 1e-160 lose most of their digits."""
+    """Squares of the smallest sizes vanish, and squares of 1e-160 lose most of their digits."""
     rng = np.random.default_rng(7)
     for _ in range(20):
         before, after = rng.uniform(-1.0, 1.0, (2, 4, 3)) * size
@@ -219,7 +219,7 @@ def test_no_vertex_moves_farther_than_is_told(size):
 
 
 def test_a_search_that_was_cut_off_starts_anew_after_a_refit():
-    """What was left of it is about the old shape."""
+    """The rest of that search is about the old shape."""
     ball, other = sphere(2), sphere(2)
     pair = engine.Pair(ball, other)
     here, there = np.eye(4), translation(5.0, 0.0, 0.0)

@@ -1,4 +1,4 @@
-"""Solids of revolution as models: what they accept, what they are, against every other kind."""
+"""Solids of revolution as models: input, properties, and distances to every other kind."""
 
 import itertools
 import json
@@ -18,27 +18,27 @@ RIM = [(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1), (1,
 
 
 def ball(radius=1.0, **how):
-    """A ball around the origin."""
+    """Return a ball around the origin."""
     low = Curve([[0, -radius], [radius, -radius], [radius, 0]], weights=[1, HALF, 1])
     high = Curve([[radius, 0], [radius, radius], [0, radius]], weights=[1, HALF, 1])
     return SolidOfRevolution([low, high], **how)
 
 
 def cylinder(radius, height, **how):
-    """A cylinder about the axis, from z = 0 up."""
+    """Return a cylinder about the axis, from z = 0 up."""
     corners = [[0, 0], [radius, 0], [radius, height], [0, height]]
     return SolidOfRevolution([Curve(ends) for ends in itertools.pairwise(corners)], **how)
 
 
 def torus(large, small, **how):
-    """A torus about the axis."""
+    """Return a torus about the axis."""
     knots = [0, 0, 0, 1, 1, 2, 2, 3, 3, 4, 4, 4]
     control = [[large + small * x, small * y] for x, y in RIM]
     return SolidOfRevolution([Curve(control, knots, [1, HALF] * 4 + [1])], **how)
 
 
 def vase(bulge=0.6):
-    """A hollow profile of a spline, open at the top, with a wall."""
+    """Return a vase: a spline outside, a spline inside, a wall between, open at the top."""
     outside = [[0, 0], [0.5, 0], [bulge, 0.4], [0.2, 0.8], [0.4, 1.2]]
     inside = [[0.35, 1.2], [0.15, 0.8], [bulge - 0.1, 0.45], [0.3, 0.1], [0, 0.1]]
     knots = [0, 0, 0, 0, 0.5, 1, 1, 1, 1]
@@ -76,7 +76,7 @@ def test_signs():
     found = engine.closest_points(ring, IDENTITY, [[2.0, 0, 0], [0, 0, 0], [0, -3, 0]], signed=True)
     assert np.allclose(found.upper, [-0.5, 1.5, 0.5], atol=1e-12)
     found = engine.closest_points(vase(), IDENTITY, [[0.0, 0, 0.05], [0, 0, 0.5]], signed=True)
-    assert found.upper[0] < 0.0 < found.lower[1]  # in its bottom, in its hollow
+    assert found.upper[0] < 0.0 < found.lower[1]  # a point in its bottom, a point in its hollow
 
 
 KINDS = {
@@ -92,7 +92,7 @@ KINDS = {
 
 @pytest.mark.parametrize("other", KINDS)
 def test_against_every_kind(other):
-    """As near as a fine tessellation of both is, within what that errs by."""
+    """Distances agree with those of fine tessellations, within the error of the tessellations."""
     tolerance = 1e-3
     models = vase(), KINDS[other]
     meshes = []
@@ -246,7 +246,7 @@ def test_what_is_refused(curves, message):
 
 
 def test_walls_may_be_thin():
-    """Two curves that are near each other do not cross."""
+    """Two curves that are close to each other need not cross."""
     wave = np.column_stack((1.0 + 0.3 * np.sin(np.arange(8)), np.arange(8) / 7))
     knots = [0, 0, 0, 0, 1, 2, 3, 4, 5, 5, 5, 5]
     out, back = Curve(wave, knots), Curve((wave - [1e-6, 0])[::-1], knots)
@@ -268,7 +268,7 @@ def test_refused_axis():
 
 
 def test_an_arc_holds_a_curve_that_runs_to_its_circle_s_far_side():
-    """A fin of one curve: its middle lies on the foot, so an arc through that bulges away."""
+    """One curve makes a fin. Its middle is at the fin's foot: an arc through that bulges away."""
     z = (0, 0.825936, 1.206125, 1.238894, 1.02257, 0.65548, 0.235952, -0.137687, -0.36711, -0.35399)
     rho = (2.005, 2.005, 2.004778, 2.004333, 2.003667, 2.002778, 2.001667, 2.000333, 1.998778)
     weights = 1.0 * (7.0 / 3.0) ** np.arange(11)

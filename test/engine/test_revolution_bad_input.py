@@ -1,4 +1,4 @@
-"""Profiles that cross themselves or their axis are refused, however little; others are not."""
+"""A profile is refused if it crosses itself or its axis, however little; others are accepted."""
 
 import itertools
 import math
@@ -16,7 +16,7 @@ HALF = math.sqrt(0.5)
 
 
 def refusal(curves):
-    """Why a profile is refused; empty if it is not."""
+    """Return why a profile is refused; empty if it is not."""
     try:
         checked_profile([curve.nets[0] for curve in curves], "part")
     except ModelError as error:
@@ -29,25 +29,25 @@ def polyline(*points):
 
 
 def hooked(slope, back=0.2):
-    """A line, and a curve that goes back beside it and crosses it `back` from the corner."""
+    """Return a line and a curve that turns back beside it and crosses it `back` from the corner."""
     return [LINE, Curve([[1, 0], [0.5, 0.5 * back * slope], [0, (back - 1) * slope]])]
 
 
 def looped(width):
-    """A wall of one cubic: with a cusp; a loop, if the width is above 0; or a bend, if below."""
+    """Return a profile with a wall of one cubic: a loop if width > 0, a cusp if 0, else a bend."""
     wall = Curve([[1, 0], [3 + width, 1], [1 - width, 1], [3, 0]])
     return [LINE, wall, *polyline([3, 0], [3, 2], [0, 2])]
 
 
 def dipped(depth, t=22.5 / 48):
-    """A wall rho = (t' - t)^2 - depth, and caps at both its ends."""
+    """Return a profile with a wall rho = (t' - t)^2 - depth and caps at both ends."""
     start, control, end = t * t - depth, t * t - t - depth, (1 - t) ** 2 - depth
     wall = Curve([[start, 0], [control, 0.5], [end, 1]])
     return [Curve([[0, 0], [start, 0]]), wall, Curve([[end, 1], [0, 1]])]
 
 
 def spiked(weight):
-    """A wall with a heavy control point beyond the axis."""
+    """Return a profile whose wall has a control point of this weight beyond the axis."""
     control = [[1, 0], [1, 0.45], [-0.1, 0.5], [1, 0.55], [1, 1]]
     return [LINE, Curve(control, weights=[1, 1, weight, 1, 1e12]), Curve([[1, 1], [0, 1]])]
 
@@ -167,10 +167,10 @@ def test_legal(name):
 
 
 def test_runs_on_itself_before_it_leaves():
-    """Both sides of a corner of no angle may touch, but what crosses beyond that is found."""
+    """At a corner of zero angle, the sides may run on each other. A crossing beyond is found."""
     out = np.array([[1, 0], [1.3, 0.3], [1.6, 0.2], [2, 0.5], [2.2, 1], [2.3, 1.5], [2.5, 2]])
     knots = [0, 0, 0, 1, 2, 3, 4, 5, 5, 5]
-    for above in (True, False):  # where it came from, as it turns away
+    for above in (True, False):  # the curve leaves to the side it came from, or to the other
         back = out[::-1].copy()
         back[-3:] = [[1.5, 0.6], [1.3, 1], [1, 1]] if above else [[1.5, 0.3], [1.5, -0.3], [1, 0.8]]
         found = refusal([Curve(out, knots), Curve(back, knots), Curve([back[-1], out[0]])])
@@ -178,12 +178,12 @@ def test_runs_on_itself_before_it_leaves():
 
 
 def test_random_stars_are_accepted():
-    """Seen from the middle each piece turns to one side, whatever its weights; so none crosses."""
+    """Seen from the middle, each piece turns one way, whatever its weights. So no pieces cross."""
     random = np.random.default_rng(5)
     for _ in range(150):
         degrees = random.integers(1, 7, random.integers(3, 7))
         steps = random.uniform(0.05, 1.0, degrees.sum())
-        # No control point is half a turn from another of its piece.
+        # The control points of a piece lie within less than half a turn.
         steps /= np.repeat(np.add.reduceat(steps, np.cumsum(degrees) - degrees), degrees)
         angles = np.concatenate(([0.0], np.cumsum(steps))) * 2.0 * np.pi / len(degrees)
         radii = 10.0 ** random.uniform(-2.0, 0.0, len(angles))
@@ -204,7 +204,7 @@ def test_random_cusps_and_corners_of_no_angle():
         t, turn = random.uniform(0.2, 0.8), random.uniform(0.0, 2.0 * np.pi)
         rotated = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
         for loop in (size, 0.0, -size):
-            # (s^2, s^3 - loop s) for s = t' - t, by its polar form
+            # The curve (s^2, s^3 - loop s) with s = t' - t, by its polar form.
             roots = np.array([[0, 0, 0], [0, 0, 1], [0, 1, 1], [1, 1, 1]]) - t
             pairs = (roots * np.roll(roots, 1, axis=1)).mean(axis=1)
             control = np.column_stack((pairs, roots.prod(axis=1) - loop * roots.mean(axis=1)))
@@ -217,7 +217,7 @@ def test_random_cusps_and_corners_of_no_angle():
 
 
 def sampled(curves, count):
-    """Points along a profile, as many on each span."""
+    """Return points along a profile, equally many on each span."""
     found = []
     for curve in curves:
         (along, _) = curve.nets[0].spans
@@ -227,7 +227,7 @@ def sampled(curves, count):
 
 
 def crossing(points, kept=None):
-    """Whether lines between points cross; but for those at both ends, which may be one place."""
+    """Return whether lines between points cross. The first and the last line may meet."""
     places = np.arange(len(points) - 1) if kept is None else np.nonzero(kept[:-1] & kept[1:])[0]
     start = points[places]
     step = points[places + 1] - start
@@ -260,7 +260,7 @@ def test_random_profiles_against_samples():
             curves.append(Curve(points, knots, weights))
         found = refusal(curves)
         truth = crossing(sampled(curves, 30))
-        if found and not truth:  # a loop that is smaller than the samples are apart
+        if found and not truth:  # the loop may be smaller than the spacing of the samples
             rho, z = re.search(r"near \[(.*), (.*)\]", found).groups()
             fine = sampled(curves, 3000)
             far = np.linalg.norm(fine - [float(rho), float(z)], axis=1)
@@ -295,7 +295,7 @@ def test_which_side_is_inside_does_not_depend_on_weights(skew):
     ):
         made = SolidOfRevolution(curves)
         assert made.profile.leftward is leftward
-        # Its patches look outward, so that a compound with another solid holds both.
+        # Its patches face outward, so a compound with another solid contains both.
         disc = engine.shapes.cylinder(1.5, 0.1)
         both = engine.shapes.compound(
             [engine.shapes.Part(each, np.eye(4), (1.0, 1.0, 1.0)) for each in (made, disc)]

@@ -1,4 +1,4 @@
-"""Solids of revolution beside meshes: what planes hold off, and where triangles are nearest."""
+"""Solids of revolution beside meshes: separating planes, and the nearest points of triangles."""
 
 import numpy as np
 import pytest
@@ -33,7 +33,7 @@ MESHES = {
 
 
 def beside(solid, mesh, rng, count):
-    """Poses of a mesh about a solid: far, near, crossing, one inside the other."""
+    """Return poses of a mesh about a solid: far, near, crossing, one inside the other."""
     size = solid.radius + mesh.radius
     made = [pose(rng) for _ in range(count)]
     for at, share in zip(made, np.linspace(0.05, 1.5, count), strict=True):
@@ -43,7 +43,7 @@ def beside(solid, mesh, rng, count):
 
 
 def facing(mesh, rng, solid):
-    """A pose at which a face or edge of a mesh is parallel to the axis, or across it."""
+    """Return a pose at which the mesh's frame is aligned with the axis, beside the solid."""
     at = np.eye(4)
     at[:3, :3] = np.eye(3)[rng.permutation(3)]
     at[:3, 0] *= np.linalg.det(at[:3, :3])
@@ -54,7 +54,7 @@ def facing(mesh, rng, solid):
 @pytest.mark.parametrize("other", MESHES)
 @pytest.mark.parametrize("name", SOLIDS)
 def test_answers_are_those_of_the_patches(name, other):
-    """Of which a search knows neither profile nor axis."""
+    """The oracle is the solid as patches, of which a search knows neither profile nor axis."""
     solid, mesh = SOLIDS[name], MESHES[other]
     known = patches(solid)
     rng = np.random.default_rng(len(name) + 9 * len(other))
@@ -72,7 +72,7 @@ def test_answers_are_those_of_the_patches(name, other):
             assert found.upper >= expected.lower - 1e-12 * size
             assert found.lower <= found.upper
         exact = engine.distance(mesh, at, solid, around)
-        if expected.status is not Status.OUT_OF_TIME:  # as where a segment lies on the axis
+        if expected.status is not Status.OUT_OF_TIME:  # which it is if a segment lies on the axis
             assert exact.upper - exact.lower <= 1e-11 * size
         assert engine.within(solid, around, mesh, at, expected.upper + 1e-9 * size)
 
@@ -80,7 +80,7 @@ def test_answers_are_those_of_the_patches(name, other):
 @pytest.mark.parametrize("other", ["box", "plate", "capsule"])
 @pytest.mark.parametrize("name", CONVEX)
 def test_nothing_is_divided_between_what_is_convex(name, other):
-    """One plane after the other proves it, or one alone: no piece of a patch is looked at."""
+    """One plane, or several in turn, prove the distance. No piece of a patch is looked at."""
     solid, mesh = CONVEX[name], MESHES[other]
     rng = np.random.default_rng(3)
     tests, apart = [], 0
@@ -92,7 +92,7 @@ def test_nothing_is_divided_between_what_is_convex(name, other):
             assert found.upper - found.lower < 1e-11
     assert apart > 20
     assert np.quantile(tests, 0.95) <= 16 * 24
-    assert np.median(tests) == 0  # the first plane holds off all of it
+    assert np.median(tests) == 0  # the first plane separates the models
 
 
 @pytest.mark.parametrize("name", ["cylinder", "cone", "cup"])
@@ -117,10 +117,10 @@ def test_along_a_motion(name):
 
 @pytest.mark.parametrize("gap", [1e-3, 1e-6, 1e-9, 1e-12, 0.0, -1e-9, -1e-3])
 def test_nearly_touching(gap):
-    """A corner, an edge and a face of a box beside the wall, the rim and the end of a cylinder."""
+    """A box's face, edge and corner beside a cylinder's wall, and its face above the end."""
     solid, half = CONVEX["cylinder"], 0.25
     box = shapes.box((0.5, 0.5, 0.5))
-    corner = np.eye(4)  # a diagonal along x
+    corner = np.eye(4)  # the box's diagonal is along x
     corner[:3, :3] = np.array([[1.0, 1.0, 1.0], [1.0, -1.0, 0.0], [1.0, 1.0, -2.0]])
     corner[:3, :3] /= np.linalg.norm(corner[:3, :3], axis=1)[:, None]
     edge = np.eye(4)
@@ -184,7 +184,7 @@ def distances(table, points, found):
 @pytest.mark.long
 @pytest.mark.parametrize("name", CONVEX)
 def test_where_a_triangle_is_nearest(name):
-    """Beside random triangles, needles and points: no sample of one is nearer."""
+    """No sample of a random triangle, segment, point or flat triangle is nearer than the result."""
     solid = CONVEX[name]
     table = solid._hierarchy.table
     rng = np.random.default_rng(5)
@@ -205,7 +205,7 @@ def test_where_a_triangle_is_nearest(name):
     sampled = np.empty(samples.shape[0] * samples.shape[1])
     distances(table, samples.reshape(-1, 3), sampled)
     least = sampled.reshape(samples.shape[:2]).min(axis=1)
-    # But for a few where distances have kinks, and where the plane across the gradient tells so.
+    # Exact but for a few at kinks of the distance, where the plane across the gradient proves less.
     assert (found[:, 0] <= least + 1e-12).mean() > 0.97
     assert (found[:, 0] <= least + 1e-3).all()
     begins = np.einsum("kcx,kx->kc", corners - found[:, None, 3:6], found[:, 6:9]).min(axis=1)

@@ -16,7 +16,7 @@ RIM = np.array([(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1,
 
 
 def turned(*corners, **how):
-    """A polygon that turns."""
+    """Return the solid that a polygon sweeps about the axis."""
     return SolidOfRevolution([Curve(ends) for ends in itertools.pairwise(corners)], **how)
 
 
@@ -31,14 +31,14 @@ def torus(large, small):
 
 
 def to_point(model, x, z):
-    """Bounds of the distance of a point in the half-plane of the profile."""
+    """Return the distance to a point (x, z) of the profile's half-plane."""
     found = engine.distance(model, IDENTITY, engine.points([[x, 0.0, z]]), IDENTITY)
     assert found.lower <= found.upper
     return found
 
 
 def test_a_profile_of_500_spans():
-    """Against points of the profile itself, by scipy, in the half-plane."""
+    """The oracle is the distance to points of the profile by scipy, in the half-plane."""
     count = 503
     z = np.linspace(0.0, 1.0, count)
     rho = 0.2 + 0.02 * np.sin(np.arange(count)) + 0.05 * np.sin(9.0 * z)
@@ -69,7 +69,7 @@ def test_two_cones_that_touch_in_a_point_of_the_axis():
 
 @pytest.mark.parametrize("ratio", [1e-6, 1e6])
 def test_ratios_of_radii(ratio):
-    """A wire and a plate; a hair ring; as large as makes their larger size 1."""
+    """A wire or a plate, whose larger size is 1, and a hair-thin ring."""
     radius, height = (ratio, 1.0) if ratio < 1.0 else (1.0, 1.0 / ratio)
     made = cylinder(radius, height)
     found = to_point(made, 2.0, 0.5 * height)
@@ -86,7 +86,7 @@ def test_ratios_of_radii(ratio):
 
 
 def test_where_the_middle_of_the_tube_is_on_the_axis():
-    """R = 0 is a ball, R < r a spindle of which the outer part is left."""
+    """With R = 0 a torus is a ball. With R < r it crosses its axis, and its outer part is left."""
     arc = Curve([[0, -1], [1, -1], [1, 0], [1, 1], [0, 1]], [0, 0, 0, 1, 1, 2, 2, 2],
                 [1, HALF, 1, HALF, 1])  # fmt: skip
     ball = SolidOfRevolution([arc])
@@ -97,7 +97,7 @@ def test_where_the_middle_of_the_tube_is_on_the_axis():
         found = engine.distance(ball, IDENTITY, ball, translation(*at))
         assert found.lower <= np.linalg.norm(at) - 2.0 + 1e-15
         assert found.upper == pytest.approx(np.linalg.norm(at) - 2.0, abs=1e-12)
-    # A lemon's apple: the tube's middle is 0.5 off, its radius 1, so the ends are at +-sqrt(3) / 2.
+    # The outer part ("apple") of a torus of R = 0.5 and r = 1. Its ends are at +-sqrt(3) / 2.
     angle = math.acos(-0.5)
     half = 0.5 * angle
     corners = [(0.5 + math.cos(a), math.sin(a)) for a in (-angle, 0.0, angle)]

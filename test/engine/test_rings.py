@@ -1,4 +1,4 @@
-"""Two solids of revolution: their fat arcs hold the profile, and searches over these are right."""
+"""Two solids of revolution: fat arcs hold the profile, and searches over the arcs are right."""
 
 import itertools
 import math
@@ -16,7 +16,7 @@ TURNED = np.diag([1.0, -1.0, -1.0, 1.0])
 
 
 def wavy(degree, rational, seed=0, count=14):
-    """A profile of random bumps, from the axis to the axis."""
+    """Return a solid whose profile has random bumps and runs from the axis back to the axis."""
     rng = np.random.default_rng(seed)
     rho = rng.uniform(0.2, 0.6, count)
     rho[[0, -1]] = 0.0
@@ -30,7 +30,7 @@ def wavy(degree, rational, seed=0, count=14):
 
 
 def patches(solid):
-    """The same as a surface of patches, of which a search knows nothing else."""
+    """Return the solid as a surface of patches. A search then knows neither profile nor axis."""
     return engine.ParametricSurface.of(
         solid.nets, name=solid.name, deviation=solid.deviation, solid=None
     )
@@ -51,7 +51,7 @@ SOLIDS = {
 
 @pytest.mark.parametrize("name", SOLIDS)
 def test_arcs_hold_the_profile(name):
-    """No point of a part is farther from its arc than that errs; limits of derivatives hold."""
+    """No point of a part is farther from its arc than the arc's error; derivative limits hold."""
     solid = SOLIDS[name]
     hierarchy = solid._hierarchy
     shares = np.linspace(0.0, 1.0, 17)
@@ -73,11 +73,11 @@ def test_arcs_hold_the_profile(name):
 
 
 def _points(solid, curve, arc, shares, order):
-    """Points and derivatives (k, order + 1, 2) of a part of a piece, by the piece's parameter."""
+    """Return points and derivatives (k, order + 1, 2) of a part of a piece, by its parameter."""
     t = arc["low"] + shares * (arc["high"] - arc["low"])
     t = np.clip(t, 0.0, 1.0)
     width = curve["high"] - curve["low"]
-    # Not onto a knot, where the derivatives of the next piece may be other ones.
+    # Stay off knots, at which the derivatives may be those of the next piece.
     at = curve["low"] + np.clip(t, 1e-9, 1.0 - 1e-9) * width
     net = solid.profile.nets[curve["patch"]]
     found = net.derivatives(at, np.zeros(len(at)), order)[:, :, 0, :2]
@@ -85,7 +85,7 @@ def _points(solid, curve, arc, shares, order):
 
 
 def _from_arc(arc, points):
-    """How far points are from an arc, metres; its angle is that between its ends."""
+    """Return how far points are from an arc, metres, within the angle between the arc's ends."""
     half = np.hypot(*arc["half"])
     if half == 0.0:
         return np.hypot(*(points - arc["middle"]).T)
@@ -104,7 +104,7 @@ def _from_arc(arc, points):
 @pytest.mark.long
 @pytest.mark.parametrize(("one", "other"), list(itertools.combinations_with_replacement(SOLIDS, 2)))
 def test_as_their_patches(one, other):
-    """At random poses, near and far, crossing ones among them; in either order."""
+    """Random poses in either order: near, far and crossing. The oracle is the solids' patches."""
     a, b = SOLIDS[one], SOLIDS[other]
     rng = np.random.default_rng(len(one) + 7 * len(other))
     for place in (0.2, 0.8, 1.6, 6.0):
@@ -124,13 +124,13 @@ def test_as_their_patches(one, other):
 
 
 def test_continua_and_poles():
-    """Where whole circles are nearest, or whole balls, bounds meet, and are never wrong."""
+    """If whole circles or whole spheres are nearest, bounds still meet, and are never wrong."""
     ring, wide = torus(1.0, 0.3), torus(2.0, 0.2)
     for a, b, at, expected, width in (
         (ring, wide, IDENTITY, 0.5, 1e-11),  # concentric
         (ring, ring, translation(0, 0, 1.0), 0.4, 1e-11),  # coaxial
         (ball(0.5), ring, IDENTITY, 0.2, 1e-11),
-        (ball(0.5), ball(0.25), IDENTITY, 0.25, 1e-11),  # nested: every pair of points is nearest
+        (ball(0.5), ball(0.25), IDENTITY, 0.25, 1e-11),  # nested: nearest in every direction
         (cylinder(0.4, 1.0), cylinder(0.3, 1.0), translation(1.0, 0, 0), 0.3, 1e-11),  # parallel
         (cylinder(0.4, 1.0), cylinder(0.4, 1.0), translation(0, 0, 1.25), 0.25, 1e-11),  # faces
         (vase(), ball(0.1), translation(0, 0, -0.35), 0.25, 1e-11),  # pole to pole
@@ -143,7 +143,7 @@ def test_continua_and_poles():
 
 @pytest.mark.parametrize("gap", [1e-2, 1e-6, 1e-10, 0.0, -1e-6])
 def test_interlocked_and_near_contact(gap):
-    """Two rings through each other, which nearly touch inside."""
+    """Two interlocked rings nearly touch on their inner sides."""
     ring = torus(1.0, 0.3)
     at = np.eye(4)
     at[:3, :3] = [[1, 0, 0], [0, 0, -1], [0, 1, 0]]
@@ -155,7 +155,7 @@ def test_interlocked_and_near_contact(gap):
 
 
 def test_straight_pieces_in_a_row():
-    """Several of them are as straight as one, but the nearest points are looked for on one."""
+    """Several pieces form one straight line, but a search for nearest points looks at one piece."""
     models = files("proximity_monitor.scene") / "bundled" / "chess" / "models"
     table = engine.load(models / "table.json")
     pair = engine.Pair(table, table)
@@ -172,7 +172,7 @@ def test_straight_pieces_in_a_row():
 @pytest.mark.parametrize("name", ["torus", "thin ring", "cylinder"])
 @pytest.mark.parametrize("tipped", ["rational", "degree 7"])
 def test_where_a_profile_ends_on_the_axis(name, tipped):
-    """A tip lies in all sectors about its axis, and none of them is farther than another."""
+    """A tip on the axis lies in all sectors, so no sector is farther away than another."""
     a, b = SOLIDS[name], SOLIDS[tipped]
     rng = np.random.default_rng(1)
     for _ in range(25):
@@ -187,7 +187,7 @@ def test_where_a_profile_ends_on_the_axis(name, tipped):
 
 @pytest.mark.parametrize("name", ["torus", "ball", "cylinder", "rational", "degree 7"])
 def test_one_direction_proves_a_rough_answer(name):
-    """Where both bulge towards each other nothing is divided: the first guess was the nearest."""
+    """If both bulge towards each other, nothing is divided: the first guess is the nearest pair."""
     at = translation(3.0, 0.2, 0.1)
     rough = engine.distance(SOLIDS["vase"], IDENTITY, SOLIDS[name], at, abs_err=1e-2)
     exact = engine.distance(SOLIDS["vase"], IDENTITY, SOLIDS[name], at)
@@ -197,7 +197,7 @@ def test_one_direction_proves_a_rough_answer(name):
 
 
 def test_ratios_of_size():
-    """A grain beside a mill-stone, and both where coordinates are large."""
+    """A tiny ball beside a huge torus, near the origin and far from it."""
     large, small = torus(1000.0, 300.0), ball(1e-3)
     at = translation(1300.5, 0, 0)
     found = engine.distance(large, IDENTITY, small, at)
@@ -209,7 +209,7 @@ def test_ratios_of_size():
 
 
 def test_cut_and_resumed():
-    """A search that is cut again and again ends with the same answer; its bounds always hold."""
+    """A search that is cut again and again ends with the same answer. Its bounds always hold."""
     a, b = SOLIDS["vase"], SOLIDS["wavy"]
     at = pose(np.random.default_rng(5), 1.3)
     whole = engine.distance(a, IDENTITY, b, at)
@@ -224,7 +224,7 @@ def test_cut_and_resumed():
 
 
 def test_all_questions():
-    """Those that list what is nearest go by the patches; the memory of a pair serves both."""
+    """Questions that list nearest pairs search the patches. One pair's memory serves both kinds."""
     a, b = SOLIDS["vase"], ball(0.5)
     at = translation(1.5, 0, 0.4)
     pair = engine.Pair(a, b)
@@ -252,7 +252,7 @@ def test_all_questions():
 
 
 def test_coherent_and_deforming():
-    """A path of poses and shapes: each answer is that of a search from nothing."""
+    """Along a path of poses and shapes, each answer is that of a fresh search."""
     a, b = vase(), torus(0.8, 0.2)
     pair = engine.Pair(a, b)
     shapes = [vase(0.6 + 0.05 * k).control_points for k in range(3)]
@@ -269,7 +269,7 @@ def test_coherent_and_deforming():
 
 @pytest.mark.parametrize("inner", [-0.2, -0.02, 0.0])
 def test_control_points_beyond_the_axis(inner):
-    """Only the curve must stay off it: bounds are as close as if all control points did."""
+    """Only the curve must stay off the axis. Bounds are as close as if control points did, too."""
     bend = Curve([[0.3, 0.0], [0.6, 0.3], [inner, 0.5], [0.2, 0.9], [0.0, 0.9]])
     made = SolidOfRevolution([Curve([[0, 0], [0.3, 0]]), bend])
     rng = np.random.default_rng(8)
@@ -284,7 +284,7 @@ def test_control_points_beyond_the_axis(inner):
 
 
 def test_poses_that_leap_begin_anew():
-    """What was nearest at another pose tells nothing of this one."""
+    """After a leap, the elements that were nearest before say nothing about the new pose."""
     models = files("proximity_monitor.scene") / "bundled" / "chess" / "models"
     table, rng = engine.load(models / "table.json"), np.random.default_rng(4)
     size = np.abs(table.control_points).max()
@@ -296,7 +296,7 @@ def test_poses_that_leap_begin_anew():
     alone = [engine.distance(table, IDENTITY, table, at, abs_err=1e-3 * size) for at in poses]
     found = engine.distances(table, here, table, poses, abs_err=1e-3 * size)
     tests = sum(each.bound_tests for each in alone)
-    assert found.bound_tests.sum() < 1.5 * tests  # four times where they do not
+    assert found.bound_tests.sum() < 1.5 * tests  # four times as many if they do not begin anew
     pair = engine.Pair(table, table, coherent=False)
     found = [pair.distance(IDENTITY, at, abs_err=1e-3 * size).bound_tests for at in poses]
     assert sum(found) < 2.5 * tests
@@ -304,7 +304,7 @@ def test_poses_that_leap_begin_anew():
 
 @pytest.mark.parametrize("gap", [2e-13, 1e-13, 0.0, -1e-13])
 def test_ends_that_lie_on_each_other(gap):
-    """What an exact answer may err by is more than they are apart: no lower bound is looked for."""
+    """The gap is below the error allowed of an exact answer, so no lower bound is searched for."""
     a, b = cylinder(0.06, 0.088), cylinder(0.06, 0.272)
     at = pose(np.random.default_rng(0), 0.3)
     spin = translation(0, 0, 0.088 + gap)

@@ -1,4 +1,4 @@
-"""Searches that run out of room for parts of surfaces."""
+"""Searches that run out of room for cells of surfaces."""
 
 import numpy as np
 from engine_bodies import IDENTITY
@@ -11,12 +11,12 @@ from proximity_monitor.study import shapes
 
 
 def test_an_assembly_of_a_surface_and_a_mesh(monkeypatch):
-    """Triangles stay what they are where parts of the surface are given up, in either order."""
+    """If a search gives up cells of the surface, its triangles stay valid, in either order."""
     inner = torus(1.0, 0.3)
     shown = torus(1.0, 0.7).display_mesh(1e-2)  # around it: all of it is about equally near
     mesh = engine.TriangleMesh(shown.vertices, shown.faces, solid=False)
     alone = engine.distance(inner, IDENTITY, mesh, IDENTITY)
-    # Room for few parts is full soon.
+    # A small room is soon full.
     monkeypatch.setattr(CellRoom.of.__func__, "__defaults__", (256,))
     bodies = engine.Assembly([inner, mesh])
     for pair in ((0, 1), (1, 0)):
@@ -27,8 +27,8 @@ def test_an_assembly_of_a_surface_and_a_mesh(monkeypatch):
 
 
 def test_very_many_pairs_that_are_about_as_near_end_one_by_one():
-    """All were divided by turns, until there was no room for their parts."""
-    shape = np.array([1.0, 1.0, 1.0001])  # no sphere, so that no ball holds the mesh
+    """Formerly, all pairs were divided in turns until the room for their cells was full."""
+    shape = np.array([1.0, 1.0, 1.0001])  # not a sphere, so no empty ball holds the mesh
     patches = [
         engine.Patch(each.control * shape, weights=each.weights) for each in sphere_patches()
     ]
@@ -42,7 +42,7 @@ def test_very_many_pairs_that_are_about_as_near_end_one_by_one():
 
 
 def test_a_continuum_ends_soon():
-    """No pair ends in any time: that is seen, and the bounds so far are the answer."""
+    """No pair can be finished in any time. The search notices this and returns its bounds."""
     one, other = (engine.ParametricSurface(torus_patches(1.0, minor)) for minor in (0.3, 0.2))
     answer = engine.distance(one, IDENTITY, other, IDENTITY)
     assert answer.status is engine.Status.OUT_OF_TIME
@@ -52,7 +52,7 @@ def test_a_continuum_ends_soon():
 
 
 def test_what_is_nearer_than_bounds_can_tell_is_exact():
-    """A copy of a surface as near as rounding: the bounds are 0 and that, and no budget ended."""
+    """A copy of a surface at rounding distance: the bounds are 0 and that, and no budget ended."""
     sheet = engine.ParametricSurface([bumps(1)])
     above = IDENTITY.copy()
     above[2, 3] = 1e-12

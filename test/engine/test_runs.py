@@ -1,4 +1,4 @@
-"""Pairs of unlike kinds in one call: they take turns by kind, and lose nothing by it."""
+"""Pairs of different kinds in one call: runs of one kind take turns, and none waits long."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ STATUS = tuple(engine.Status)
 
 
 def mixed(count):
-    """Models of two kinds by turns, and all pairs of them in an order without a rule."""
+    """Return models of two kinds alternately, and all their pairs in random order."""
     kinds = [torus(12), shapes.cylinder(0.3, 1.0)]
     models = [kinds[k % 2] for k in range(count)]
     pairs = np.array(list(itertools.combinations(range(count), 2)), np.int32)

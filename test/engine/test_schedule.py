@@ -1,4 +1,4 @@
-"""Queries about many pairs: what is searched, what is left alone, what is reported."""
+"""Queries about many pairs: which are searched, which are left alone, and what is reported."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ OUT_OF_TIME = STATUS.index(engine.Status.OUT_OF_TIME)
 
 
 class Watched:
-    """All pairs of a crowd, and their schedule."""
+    """All pairs of a crowd of bodies, and their schedule."""
 
     def __init__(self, seed=0):
         self.rng = np.random.default_rng(seed)
@@ -43,7 +43,7 @@ class Watched:
         self.schedule.update(self.rows, self.known, self.silent, distances)
 
     def search(self, budget_s=60.0):
-        """One go through all that is open; the entries that were searched, in their order."""
+        """Search all open entries once. Return the entries that were searched, in their order."""
         queries = self.schedule.queries(self.schedule.order())
         return self.schedule.search_together(queries, budget_s, 1, perf_counter)
 
@@ -177,7 +177,7 @@ def test_a_search_that_was_cut_leaves_no_points_of_a_body_before_its_deformation
     ball.deform(0.7 * before)
     answers.reshape(0, 1.001 * np.linalg.norm(ball.vertices - before, axis=1).max())
     queries = look()
-    # Points of both models, though by far not the nearest ones.
+    # Points of both models that are far from the nearest ones.
     far = (ball.vertices[ball.vertices[:, 0].argmin()], other.vertices[0] + poses[1, :3, 3])
     upper = np.linalg.norm(far[0] - far[1])
     row = np.array(
@@ -193,7 +193,7 @@ def test_a_search_that_was_cut_leaves_no_points_of_a_body_before_its_deformation
 
 
 def test_points_that_stay_the_nearest_do_not_drift_however_often_searches_are_cut():
-    """A rotation that is none to 1e-7, as float32 gives them, shortens what it turns and back."""
+    """Float32 rotations are orthogonal to 1e-7: turning a vector there and back shortens it."""
     ball, other = sphere(2), sphere(2)
     models = [ball, other]
     answers = Answers(models, ["ball", "other"])
@@ -252,7 +252,7 @@ def test_a_level_inside_of_what_a_tolerance_left_is_decided_when_only_that_is_as
 
 
 def test_of_models_that_met_the_surfaces_tell_first_and_how_deep_comes_last():
-    """The depth takes a hundred times as long as all that a threshold needs."""
+    """The depth takes a hundred times as long as the search that a threshold needs."""
     ball = sphere(2)
     answers = Answers([ball, ball, ball], ["a", "b", "c"])
     schedule = Schedule(answers, engine.Assembly([ball, ball, ball]))
@@ -280,7 +280,7 @@ def test_of_models_that_met_the_surfaces_tell_first_and_how_deep_comes_last():
 
 
 def overlapping(count):
-    """A schedule of rings that cross a first one, the poses, and what begins a moment."""
+    """Return a schedule of rings that all cross the first, the poses, and a function `update`."""
     models = [torus(24)] * (count + 1)
     answers = Answers(models, [str(i) for i in range(count + 1)])
     schedule = Schedule(answers, engine.Assembly(models))
@@ -300,7 +300,7 @@ def overlapping(count):
 
 
 def noted(schedule, monkeypatch):
-    """The clearances of single searches to come: 0 where only the sign is asked for."""
+    """Return a list that collects the clearance asked of each single search: 0 for a sign only."""
     asked = []
     search = schedule._long.search
 

@@ -109,7 +109,7 @@ def test_a_solid_of_revolution_alone_stays_one():
     assert isinstance(made, engine.SolidOfRevolution) and made.name == "tip"
     np.testing.assert_array_equal(made.axis, (-1.0, 0.0, 0.0))
     assert made.deviation == pytest.approx(0.12)
-    point = shapes.points([[-1.0, 2.0, 3.0]])  # 1 m beyond the end that is narrow, at x = 0
+    point = shapes.points([[-1.0, 2.0, 3.0]])  # 1 m beyond the narrow end, which is at x = 0
     found = engine.distance(made, HERE, point, HERE)
     assert found.upper == pytest.approx(1.0 + 0.12) and found.lower == pytest.approx(1.0 - 0.12)
     for part, how in (
@@ -122,7 +122,7 @@ def test_a_solid_of_revolution_alone_stays_one():
 
 
 def test_solids_of_patches_make_a_union_whichever_way_their_patches_point():
-    """Where parts overlapped whose normals pointed unlike ways, a point was taken to be outside."""
+    """Formerly, a point in two parts with opposite normals was taken to be outside."""
     profile = [[0.0, -0.5], [0.4, -0.5], [0.4, 0.5], [0.0, 0.5]]
     up, down = (
         engine.SolidOfRevolution(list(map(engine.Curve, pairwise(corners))))
@@ -141,7 +141,7 @@ def test_solids_of_patches_make_a_union_whichever_way_their_patches_point():
             made = shapes.compound([shapes.Part(a, HERE), shapes.Part(b, pose, scale)])
             assert made.is_solid
             depth = engine.signed_distance(inside_both, HERE, made, HERE)
-            assert depth.upper == pytest.approx(-0.25, abs=0.01)  # to the wall of b at -0.1
+            assert depth.upper == pytest.approx(-0.25, abs=0.01)  # to the wall of b at x = -0.1
             assert engine.signed_distance(outside, HERE, made, HERE).lower > 0.09
 
 

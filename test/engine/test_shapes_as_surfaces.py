@@ -1,6 +1,6 @@
-"""Boxes, cylinders, cones and rings as surfaces, which stand in assemblies as they do here.
+"""Boxes, cylinders, cones and rings as surfaces, at poses that are typical of assemblies.
 
-Parallel to each other along lines, arcs and faces; and with their rims and apexes nearest.
+They are parallel along lines, arcs and faces, or nearest at their rims and apexes.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ EXACT = engine.Status.EXACT
 
 
 def box(x, y, z):
-    """A box of flat patches."""
+    """Return a box of flat patches."""
     patches = []
     for axis, side in itertools.product(range(3), (-1.0, 1.0)):
         grid = np.zeros((2, 2, 3))
@@ -46,7 +46,7 @@ SURFACES = {
 
 
 def poses(count, turns, near, far):
-    """Turned poses, whose origins are from `near` to `far` metres away."""
+    """Return poses from the given turns, with origins `near` to `far` metres away."""
     rng = np.random.default_rng(7)
     made = np.tile(HERE, (count, 1, 1))
     made[:, :3, :3] = turns[rng.integers(len(turns), size=count)]
@@ -66,14 +66,14 @@ PAIRS = list(itertools.combinations_with_replacement(SURFACES, 2))
 
 @pytest.mark.parametrize("pair", PAIRS, ids=" ".join)
 def test_parallel_shapes_close_their_gap(pair):
-    """Along what is equally near all over, cells were divided until there was no room for more."""
+    """Formerly, along equally near lines and faces, cells were divided until the room was full."""
     a, b = pair
     for pose in ALIGNED:
         found = engine.distance(SURFACES[a], HERE, SURFACES[b], pose)
         assert found.status is EXACT or found.upper < 1e-12
         if "box" in pair:
             continue
-        other = engine.distance(SOLIDS[a], HERE, SOLIDS[b], pose)  # by their profiles
+        other = engine.distance(SOLIDS[a], HERE, SOLIDS[b], pose)  # searches the profiles
         assert found.lower <= other.upper + 1e-14
         assert other.lower <= found.upper + 1e-14
 
@@ -89,7 +89,7 @@ def test_the_corners_of_a_box_know_that_it_is_parallel():
 
 
 def total_tests(a, b):
-    """The bound tests of random poses together; each answer is that of the solids' profiles."""
+    """Return the bound tests of all random poses. Check answers against the solids' profiles."""
     total = 0
     for pose in RANDOM:
         found = engine.distance(SURFACES[a], HERE, SURFACES[b], pose)
@@ -102,11 +102,11 @@ def total_tests(a, b):
 
 
 def test_the_cell_that_weakens_the_bound_is_divided():
-    """Beside a long straight side the other cell never was, where two rims are nearest."""
+    """Formerly, if two rims were nearest, only the cell at a long straight side was divided."""
     assert total_tests("cylinder", "cylinder") < 100_000
 
 
 def test_at_an_apex_all_pieces_have_one_point():
-    """Only the piece with which it had been found was proven done."""
+    """Formerly, of the pieces that meet at the nearest apex, only one was proven done."""
     assert total_tests("cylinder", "cone") < 150_000
     assert total_tests("cone", "cone") < 130_000

@@ -42,7 +42,7 @@ from proximity_monitor.engine import Status
 @pytest.mark.long
 @pytest.mark.parametrize(("first", "second"), PAIRS)
 def test_against_brute_force(first, second):
-    """Every pair once, now one first and now the other; nested ones and cavities are among them."""
+    """Each pair once, in alternating order. Some bodies are nested, and some have cavities."""
     if (len(first) + len(second)) % 2:
         first, second = second, first
     a, b = SOLIDS[first], SOLIDS[second]
@@ -53,7 +53,7 @@ def test_against_brute_force(first, second):
     check_brute(a, pose_a, b, pose_b, engine.signed_distance(a, pose_a, b, pose_b))
 
 
-# What a formula says
+# Answers that a formula gives
 
 
 @pytest.mark.parametrize("offset", [0.0, 0.05])
@@ -169,7 +169,7 @@ def test_the_sign_next_to_the_surface(gap):
 
 @pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
 def test_any_scale(size):
-    """Far from the origin, too, where poses are rounded."""
+    """The bodies are also far from the origin, where poses are rounded."""
     outer = engine.TriangleMesh(size * sphere(2).vertices, sphere(2).faces)
     inner = engine.TriangleMesh(1e-3 * size * box().vertices, box().faces)
     for x in (0.0, 0.5, 0.9, 2.0):
@@ -211,7 +211,7 @@ def test_faces_that_are_pushed_into_each_other_tell_which_way_is_out():
 
 @pytest.mark.parametrize("seed", range(6))
 def test_no_translation_that_parts_solids_is_shorter(seed):
-    """Convex ones: FCL says how far along a direction they have to be moved to be clear."""
+    """For convex solids, FCL tells how far along a direction they must move to be clear."""
     rng = np.random.default_rng(seed)
     shapes = box(), sphere(1), cylinder(0.6, 1.0)
     a, b = (
@@ -224,7 +224,7 @@ def test_no_translation_that_parts_solids_is_shorter(seed):
     peer = Fcl(a, b)
     for way in [*np.eye(3), *-np.eye(3), *rng.normal(size=(10, 3))]:
         way = way / np.linalg.norm(way)
-        inside, outside = 0.0, 20.0  # of convex solids one interval of translations overlaps
+        inside, outside = 0.0, 20.0  # convex solids overlap in one interval of translations
         for _ in range(36):
             step = 0.5 * (inside + outside)
             shifted = there.copy()
@@ -235,12 +235,12 @@ def test_no_translation_that_parts_solids_is_shorter(seed):
         assert outside >= depth - 1e-9
 
 
-# What does not matter
+# Changes that leave answers as they are
 
 
 @pytest.mark.parametrize("name", SOLIDS)
 def test_the_side_of_a_point_agrees_with_its_solid_angles(name):
-    """A tiny body asks for the side of its own place."""
+    """A tiny body probes the side of the place where it is."""
     model = SOLIDS[name]
     probe = box((1e-9, 1e-9, 1e-9))
     rng = np.random.default_rng(3)
@@ -253,7 +253,7 @@ def test_the_side_of_a_point_agrees_with_its_solid_angles(name):
 
 
 def test_rays_along_edges_and_through_vertices():
-    """A grid of boxes on each other's axes: straight rays would graze edge after edge."""
+    """The probes lie on grid lines of a box: a straight ray would graze edge after edge."""
     outer = from_trimesh(trimesh.creation.box((2, 2, 2)).subdivide().subdivide(), "grid")
     probe = box((1e-3, 1e-3, 1e-3))
     for x in np.linspace(-1.25, 1.25, 6):
@@ -296,7 +296,7 @@ def test_a_deformed_model_is_seen_as_it_is():
     model.deform(flat)
     assert not model.is_solid
     found = engine.signed_distance(model, translation(-3.0), small, IDENTITY)
-    check(found, -0.05)  # the sheet's deepest points in the box
+    check(found, -0.05)  # the depth of the sheet's deepest points in the box
 
 
 def test_degenerate_triangles_change_nothing():

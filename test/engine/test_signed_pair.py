@@ -1,4 +1,4 @@
-"""Signed distances asked again: resuming, coherence, and what must not disturb either."""
+"""Signed distances asked again: resuming, coherence, and events that must not disturb them."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ QUESTIONS = {
 
 
 def finished(pair, pose_a, pose_b, budget_s=5e-5, **options):
-    """Ask until the search is over; returns all answers."""
+    """Ask until the search is over. Return all answers."""
     answers = [pair.signed_distance(pose_a, pose_b, budget_s=0.0, **options)]
     while answers[-1].status is Status.OUT_OF_TIME:
         answers.append(pair.signed_distance(pose_a, pose_b, budget_s=budget_s, **options))
@@ -54,7 +54,7 @@ def finished(pair, pose_a, pose_b, budget_s=5e-5, **options):
 
 
 def agree(found, whole, **options):
-    """Both hold the same number, as closely as was asked for."""
+    """Check that two answers hold the same number, as closely as was asked for."""
     assert max(found.lower, whole.lower) <= min(found.upper, whole.upper) + 1e-13
     assert (
         found.upper - found.lower
@@ -69,7 +69,7 @@ def agree(found, whole, **options):
 
 
 def check_progress(answers):
-    """The bounds of answers to one question never become weaker."""
+    """Check that the bounds of answers to one question never become weaker."""
     for before, after in pairwise(answers):
         assert before.lower <= after.lower <= after.upper <= before.upper
 
@@ -88,8 +88,8 @@ def test_many_small_budgets_reach_the_same_answer_step_by_step(name, tolerance):
     for before, after in pairwise(answers):
         assert before.bound_tests <= after.bound_tests
     agree(answers[-1], whole, **tolerance)
-    # Where it was cut, pairs of triangles are tested before more of them have come together, and a
-    # ball is looked for from other points. And before it finds any, it has to look at the surfaces.
+    # A cut search tests waiting pairs of triangles before more have come together, and looks for a
+    # ball from other points. Before it finds a ball, it has to look at the surfaces.
     apart = engine.distance(a, here, b, IDENTITY, **tolerance)
     assert answers[-1].bound_tests <= 2.0 * (whole.bound_tests + apart.bound_tests)
 
@@ -105,7 +105,7 @@ def test_budgets_that_are_over_before_a_search_begins_end_it_all_the_same(name):
 
 @pytest.mark.parametrize("name", QUESTIONS)
 def test_a_longer_search_knows_no_less(name):
-    """Budgets as the clock has it: in the order of how far the searches came."""
+    """Budgets are as inexact as the clock, so the answers are sorted by how far searches came."""
     a, b, here = QUESTIONS[name]
     answers = [
         engine.signed_distance(a, here, b, IDENTITY, budget_s=budget)
@@ -166,7 +166,7 @@ def test_a_pose_that_is_changed_in_place_is_another_question():
 
 
 def walk(rng, kind, steps=40):
-    """Poses with small steps and large jumps: through each other's surfaces and far away."""
+    """Yield poses with small steps and large jumps, through the other surface and far away."""
     here = pose(rng, 0.5)
     for step in range(steps):
         if step % 10 == 0:
@@ -181,7 +181,7 @@ def walk(rng, kind, steps=40):
 
 
 def pose_of_angle(rng, angle):
-    """A turn by a small angle around any axis, and a small step."""
+    """Return a turn by a small angle about a random axis, with a small step."""
     matrix = np.eye(4)
     x, y, z = angle * rng.normal(size=3)
     skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
@@ -207,7 +207,7 @@ def test_what_is_remembered_changes_no_answer(which, kind):
 
 
 def test_what_was_found_far_from_the_origin_is_remembered_as_roughly_as_it_is_known():
-    """Coordinates are rounded by 1e-8 there, and are exact again on return."""
+    """Coordinates are rounded by 1e-8 far away, and are exact again on return."""
     pair, far = engine.Pair(BALL, SMALL), translation(1e8, 1e8)
     for x in (0.45, 0.5, 0.55):
         pair.signed_distance(far @ translation(x), far)
@@ -240,7 +240,7 @@ def test_small_steps_need_a_fraction_of_the_tests():
             fresh = engine.signed_distance(a, here, b, IDENTITY)
             agree(found, fresh)
             tests += found.primitive_tests, fresh.primitive_tests
-        # The middle of two balls is where the largest ball is: nothing is sooner found.
+        # For two balls, the largest ball is centred halfway: a fresh search finds it as soon.
         assert tests[0] < tests[1] or (a is b is BALL and tests[0] <= 2 * 10)
 
 
@@ -277,10 +277,10 @@ def test_tolerances_and_budgets_that_make_no_sense(name, value):
 
 
 def test_a_point_equally_far_from_everything_does_not_hold_up_a_search():
-    """The nearest of many triangles takes thousands of steps to tell, which many slices share."""
+    """The nearest of many triangles takes thousands of steps to find, in many slices."""
     whole, sliced = BallSearch(BALL, SMALL), BallSearch(BALL, SMALL)
     count = 0
-    for _ in range(2):  # the second time from the centre of the ball that was found
+    for _ in range(2):  # the second time, from the centre of the ball that was found
         for each in (whole, sliced):
             each.begin(IDENTITY, IDENTITY, 0.01, 0.0)
         assert whole.search(math.inf)
@@ -301,12 +301,12 @@ def test_a_question_whose_time_is_over_does_one_thing_more(monkeypatch):
         monkeypatch.setattr(module, "slices_until", watched(module))
     for a, b, there in QUESTIONS.values():
         pair = engine.Pair(a, b)
-        for _ in range(2):  # the second time the last ball's centre comes first
+        for _ in range(2):  # the second time, the last ball's centre is tried first
             status = Status.OUT_OF_TIME
             while status is Status.OUT_OF_TIME:
                 begun.clear()
                 status = pair.signed_distance(IDENTITY, there, budget_s=0.0).status
-                # The point that may be a ball's centre says nothing of the distance.
+                # A look at one point, for a ball's centre, bounds no distance: `run` may follow.
                 assert begun in ([], [ball], [parts], [run], [ball, run])
 
 
@@ -336,7 +336,7 @@ def test_the_middle_of_both_tells_that_they_overlap_without_a_look_at_their_surf
 
 
 def test_a_middle_that_is_as_near_to_all_of_a_surface_is_left_soon():
-    """All triangles of both spheres are about as near to their centre."""
+    """All triangles of both spheres are about equally near to the common centre."""
     a, b, there = QUESTIONS["concentric"]
     answers = finished(engine.Pair(a, b), there, IDENTITY, budget_s=0.0, depth_err=1e9)
     assert answers[-1].upper < 0.0
@@ -355,9 +355,9 @@ def test_overlap_is_certain_before_any_space_is_searched(name):
 
 
 def test_a_ball_at_the_rim_of_the_overlap_misleads_no_search():
-    """Bodies that slid along each other: the last ball's centre is in both, but far from the best.
+    """The bodies slide along each other: the last ball's centre is in both, but a poor start.
 
-    A search that began there took twice as many points as one that knew nothing.
+    Formerly, a search that began there took twice as many points as a fresh one.
     """
     fine, there = sphere(6), pose(np.random.default_rng(1))
     pair = engine.Pair(fine, fine)

@@ -1,4 +1,4 @@
-"""Signed distances: what holds for any solids, poses, tolerances and budgets."""
+"""Signed distances: properties that hold for any solids, poses, tolerances and budgets."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def test_it_changes_by_no_more_than_the_relative_motion(names, rng, spread, way)
 @settings(max_examples=40, deadline=None)
 @given(pairs, poses, st.floats(0.0, 2.0))
 def test_agrees_with_distance(names, rng, spread):
-    """Where no point is inside both: the surfaces' distance."""
+    """If no point is inside both solids, the answer is the surfaces' distance."""
     a, b = (SOLIDS[name] for name in names)
     pose_a, pose_b = pose(rng, spread), pose(rng, spread)
     found = engine.signed_distance(a, pose_a, b, pose_b)
@@ -110,7 +110,7 @@ def test_no_time_at_all_still_bounds():
 
 
 def test_a_largest_ball_is_found_without_looking_everywhere():
-    """The shape of a mesh decides how many points are asked about, and not its triangles."""
+    """The number of points asked about depends on a mesh's shape, not on its triangles."""
     tests = []
     for subdivisions in (3, 5):
         a = sphere(subdivisions)
@@ -121,7 +121,7 @@ def test_a_largest_ball_is_found_without_looking_everywhere():
 
 
 def test_boxes_that_share_an_edge_are_a_solid():
-    """Four faces meet there, two either way."""
+    """Four faces meet at the edge, two in either direction."""
     second = trimesh.creation.box((1, 1, 1))
     second.apply_translation((1.0, 1.0, 0.0))
     stairs = together(trimesh.creation.box((1, 1, 1)), second)

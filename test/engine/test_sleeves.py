@@ -1,4 +1,4 @@
-"""How deep solids about nearly one axis overlap: press fits, and rings of largest balls."""
+"""Depths of solids about nearly one axis: press fits, rings of largest balls; see sleeves.py."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ def both_orders(a, at, b):
 @pytest.mark.parametrize("wide", [0.01, 1e-3, 1e-4])
 @pytest.mark.parametrize(("off", "tilt"), [(0.0, 0.0), (1e-4, 0.0), (1e-4, 1e-4)])
 def test_a_press_fit_is_as_deep_as_its_shaft_is_too_wide(wide, off, tilt):
-    """Their bounds stayed up to fifty times as far apart as the depth, after 33,000 cells."""
+    """Formerly, the bounds were up to fifty times the depth apart after 33,000 cells."""
     shaft, tube = cylinder(0.6 + wide, 0.5), bore(0.6, 0.5)
     at = translation(off, 0.0, 0.0) @ turn(tilt)
-    # Where the shaft is off to a side it is deeper there; across its end it is by 0.5 * tilt more.
+    # An offset of the shaft adds to the depth on one side, and a tilt adds 0.5 * tilt at its end.
     least, most = wide, wide + off + 0.5 * tilt + 1e-7
     for found in both_orders(shaft, at, tube):
         assert found.status is Status.WITHIN_TOLERANCE
@@ -41,7 +41,7 @@ def test_a_press_fit_is_as_deep_as_its_shaft_is_too_wide(wide, off, tilt):
 
 
 def test_a_shaft_that_touches_its_bore_along_a_line():
-    """What both share is a lens: no seed was in it."""
+    """The overlap is a lens. Formerly, no seed was in it."""
     shaft, tube = cylinder(0.5, 0.5), bore(0.6, 0.5)
     for found in both_orders(shaft, translation(0.1001, 0.0, 0.2), tube):
         assert found.status is Status.WITHIN_TOLERANCE
@@ -49,7 +49,7 @@ def test_a_shaft_that_touches_its_bore_along_a_line():
 
 
 def test_a_thin_ring_is_no_deeper_than_it_is_thick():
-    """Largest balls lie all around it, and each touches the ring alone."""
+    """Largest balls lie all around the ring. Each touches the ring's surface only."""
     ring, around = torus(1.0, 1e-3), lines((0, -0.3), (1.5, -0.3), (1.5, 0.3), (0, 0.3))
     for found in both_orders(ring, translation(0.01, 0.0, 0.05) @ turn(0.1), around):
         assert found.status is Status.WITHIN_TOLERANCE
@@ -68,7 +68,7 @@ FITS = {
 @pytest.mark.long
 @pytest.mark.parametrize("name", FITS)
 def test_no_point_is_deeper_than_the_bound(name):
-    """Against points that climb at random from all over the shaft's surface."""
+    """The oracle is points around the bore's wall that climb at random to greater depth."""
     rng = np.random.default_rng(sorted(FITS).index(name))
     shaft, tube = FITS[name], bore(0.6, 0.4)
     for tilt, off, height in ((1e-6, 1e-3, 0.0), (0.003, 0.0, 0.2), (0.05, 0.02, -0.15)):
@@ -91,11 +91,11 @@ def test_no_point_is_deeper_than_the_bound(name):
             tried = points[best, None] + step * rng.normal(size=(100, 20, 3))
             points, step = np.concatenate((points[best], tried.reshape(-1, 3))), 0.7 * step
         assert lower <= deepest + 1e-12
-        assert deepest <= 0.97 * min(each.upper for each in found)  # it is about as deep
+        assert deepest <= 0.97 * min(each.upper for each in found)  # the bound is about as deep
 
 
 def seen(origin, axis, half):
-    """The cell around the origin as it is seen from a line."""
+    """Return the cell around the world's origin as `sleeves.Seen` from an axis."""
     away = -origin - axis * (-origin @ axis)
     rho = np.linalg.norm(away)
     u, z, nothing = tuple(away / rho), tuple(axis), (0.0, 0.0, 0.0)
@@ -125,4 +125,4 @@ def test_distances_from_two_axes_differ_by_what_is_linear_but_for_the_rest(tilt,
         differ = abs(second - first - straight).max()
         assert differ <= rest + 1e-14
         closest = max(closest, (differ + 1e-14) / (rest + 1e-14))
-    assert closest > 0.02  # and it is not much more
+    assert closest > 0.02  # the bound is at most 50 times too large

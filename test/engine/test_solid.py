@@ -21,7 +21,7 @@ def test_a_solid_is_checked_once():
 
 
 def as_soup(mesh, solid=None):
-    """The same triangles, none of which share a vertex."""
+    """Return the same triangles, with no vertex in common."""
     corners = mesh.vertices[mesh.faces].reshape(-1, 3)
     faces = np.arange(len(corners)).reshape(-1, 3)
     return engine.TriangleMesh(corners, faces, name="soup", solid=solid)
@@ -53,7 +53,7 @@ def test_a_refit_that_tears_vertices_apart_is_noticed():
 
 
 def test_a_refit_that_tears_parts_apart_leaves_a_solid():
-    """Two boxes that had a vertex in common: one part before, two after."""
+    """Two boxes have a vertex in common. They are one part before the refit and two after it."""
     corner = CUBE.vertices[0]
     vertices = np.concatenate((CUBE.vertices, 2.0 * corner - CUBE.vertices))
     faces = np.concatenate((CUBE.faces, CUBE.faces[:, ::-1] + 8))
@@ -89,7 +89,7 @@ def test_unpaired_edges_against_a_count_of_all():
 
 
 def test_a_curved_sheet_of_two_sides_encloses_nothing():
-    """Whatever the rounding of a long sum: half a sphere, and the same half turned inside out."""
+    """Half a sphere and the same half inside out: a long sum's rounding must not matter."""
     ball = sphere(5)
     half = ball.faces[(ball.vertices[ball.faces][:, :, 2] > 0.0).all(axis=1)]
     vertices = ball.vertices + np.array((1.0 / 3.0, 0.1, 1e3))

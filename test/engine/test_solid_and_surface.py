@@ -1,4 +1,4 @@
-"""Signed distances where one model alone is solid, and where a solid has holes."""
+"""Signed distances if only one model is a solid, and if a solid has holes."""
 
 from __future__ import annotations
 
@@ -18,24 +18,24 @@ TIGHT = 1e-12
 
 
 def surface(mesh: engine.TriangleMesh) -> engine.TriangleMesh:
-    """The same mesh, to be taken for a surface."""
+    """Return the same mesh as a surface."""
     return engine.TriangleMesh(mesh.vertices, mesh.faces, name=mesh.name, solid=False)
 
 
 def robust(mesh: engine.TriangleMesh, keep: np.ndarray) -> engine.TriangleMesh:
-    """A mesh of some of the faces, whose inside is to be guessed."""
+    """Return a mesh of some of the faces, whose inside is to be guessed."""
     return engine.TriangleMesh(mesh.vertices, mesh.faces[keep], name="open", solid="robust")
 
 
 def bowl(height: float, subdivisions: int = 3) -> engine.TriangleMesh:
-    """A sphere without what is above a height."""
+    """Return a sphere without the faces above a height."""
     ball = sphere(subdivisions)
     low = ball.vertices[ball.faces][:, :, 2].max(axis=1) <= height
     return robust(ball, low)
 
 
 def check(found, solid, pose_solid, other, pose_other) -> None:
-    """The bounds agree with those of points on the surface, which are wider."""
+    """Check that the bounds agree with the wider bounds from points on the surface."""
     shallow, deep = deepest_of_surface(solid, pose_solid, other, pose_other)
     assert max(-found.lower, 0.0) >= shallow - TIGHT
     assert -found.upper <= deep + TIGHT
@@ -117,7 +117,7 @@ def test_a_wall_that_a_surface_passes_through_step_by_step():
 
 
 def test_a_cloud_is_not_looked_at_point_by_point():
-    """Nor is a point of it that lies inside missed."""
+    """A point of the cloud that lies inside must still be found."""
     solid, rng = sphere(3, 0.5), np.random.default_rng(8)
     cloud = rng.normal(size=(20_000, 3))
     cloud *= (0.7 + rng.random((20_000, 1))) / np.linalg.norm(cloud, axis=1)[:, None]
@@ -134,7 +134,7 @@ def test_a_cloud_is_not_looked_at_point_by_point():
 
 
 def test_the_winding_number_of_an_open_mesh_decides():
-    """Points on a grid, around a bowl, against spherical excesses; none is on the wrong side."""
+    """Points on a grid around a bowl. The oracle is their winding numbers by spherical excess."""
     open_ball = bowl(0.3, 2)
     assert open_ball.is_solid
     grid = np.stack(np.meshgrid(*3 * [np.linspace(-1.1, 1.1, 7)]), axis=-1).reshape(-1, 3) + 0.013
@@ -185,11 +185,11 @@ def test_bounds_of_a_surface_in_an_open_solid_hold(rng, spread, height, options)
     shallow, _ = deepest_of_surface(model, pose_a, small, pose_b)
     assert max(-found.lower, 0.0) >= shallow - TIGHT
     if not options:
-        assert shallow >= -found.upper - 0.12  # the points on the surface are as far apart
+        assert shallow >= -found.upper - 0.12  # the spacing of the points on the surface
 
 
 def test_what_passes_a_hole_changes_sides_at_once():
-    """And what is remembered of either side is not believed on the other."""
+    """What a pair remembers of one side must not be used on the other side."""
     model, part = bowl(0.3, 2), surface(sphere(0, 0.05))
     pair = engine.Pair(model, part)
     for z in (*np.arange(0.7, -0.2, -0.02), *np.arange(-0.8, 1.3, 0.2)):

@@ -1,4 +1,4 @@
-"""What the engine changes of numba so that it compiles sooner: each test says what it relies on."""
+"""Changes to numba that make it compile sooner. Each test shows what one change relies on."""
 
 import ast
 import gc
@@ -228,7 +228,7 @@ def test_what_is_registered_is_taken_up_once(monkeypatch):
 
 
 def _unknown(x):
-    """What numba knows nothing of."""
+    """A function that numba does not know."""
 
 
 def test_calls_of_llvm_for_our_kernels_are_not_timed(monkeypatch):
@@ -258,7 +258,7 @@ COMPILED = {
 
 
 def test_no_kernel_assigns_an_array_to_a_slice():
-    """Numba would compile the message for lengths that differ with it: two to three seconds."""
+    """Numba would compile the error message for unequal lengths, too: two to three seconds."""
     found, looked = [], 0
     for path in sorted(Path(sooner.__file__).parents[1].rglob("*.py")):
         for function in ast.walk(ast.parse(path.read_text())):
@@ -282,7 +282,7 @@ def _slices_assigned(function):
 def test_what_the_compiler_made_is_not_looked_through_at_once(frozen):
     looked = []
 
-    class Listener(event.Listener):  # hears of it after ours
+    class Listener(event.Listener):  # is called after the engine's listener
         def on_start(self, start):
             looked.clear()
 

@@ -40,7 +40,7 @@ GRID = 60
 
 @pytest.fixture(scope="module")
 def faces():
-    """Each face of the gearbox's parts: OpenCASCADE's and ours."""
+    """Return each face of the gearbox's parts: OpenCASCADE's and ours."""
     found = []
 
     def keep(shape, name):
@@ -61,7 +61,7 @@ def patch_of(face):
 
 
 def sides(patch, parameters):
-    """Of each point, whether it is left: INSIDE and so on."""
+    """Return for each point whether the trim leaves it: INSIDE and so on."""
     made = np.full(len(parameters), INSIDE, np.int8)
     if patch.trim is not None:
         classify_points(joined([patch.trim]), 0, parameters, made)
@@ -69,9 +69,10 @@ def sides(patch, parameters):
 
 
 def cells(patch):
-    """A point (n, 2) of each cell of a grid on each span, and the area of each cell.
+    """Return a point (n, 2) of each cell of a grid on each span, and the area of each cell.
 
-    It is the middle; on a trimmed patch anywhere, or a straight loop would take whole rows wrongly.
+    It is the cell's middle. On a trimmed patch it is random, because a straight loop along a row of
+    middles would count the whole row wrongly.
     """
     middles, widths = [], []
     for along in patch.nets[0].spans:
@@ -98,7 +99,7 @@ def test_each_face_has_the_area_that_opencascade_measures(faces):
         measured = GProp_GProps()
         BRepGProp.SurfaceProperties_s(theirs, measured, 1e-6)
         left = areas[sides(patch, parameters) == INSIDE].sum()
-        # A loop leaves or takes whole cells: as many as it passes through, at random.
+        # A cell that a loop passes through counts as a whole or not at all, at random.
         slack = 4e-4 if ours.trim is None else 0.5 / GRID
         assert left == pytest.approx(measured.Mass(), abs=slack * areas.sum())
         trimmed += ours.trim is not None
@@ -141,7 +142,7 @@ def test_points_of_loops_lie_on_edges(faces):
 
 
 def test_normals_of_solids_point_outward(faces):
-    """The flux of x through a closed surface is its volume, positive."""
+    """The flux of x through a closed surface is its volume, positive if normals point outward."""
     volume = 0.0
     for _, ours in faces[:53]:  # the housing
         patch = patch_of(ours)
@@ -172,7 +173,7 @@ def test_a_part_comes_in_its_own_frame_and_the_whole_as_placed():
     ring = engine.load(GEARBOX, part="seal 1")
     assert ring.name == "seal 1"
     assert ring.centre == pytest.approx([0.0, 0.0, 0.0], abs=1e-12)
-    # A torus of 7.2 and 1.4 mm, whose box is that wide and 2.8 mm high.
+    # A torus of radii 7.2 and 1.4 mm: its box is 17.2 mm wide and 2.8 mm high.
     points = ring.display_mesh(1e-6).vertices
     assert np.ptp(points, axis=0) == pytest.approx([0.0172, 0.0172, 0.0028], rel=1e-3)
     assert 1e-10 <= ring.deviation < 1.1e-10  # 1e-7 mm, the tolerance of its edges
@@ -317,7 +318,7 @@ def test_a_part_that_is_open_stays_a_surface_and_says_why(tmp_path):
 
 
 def test_flat_sides_in_one_plane_are_divided_in_turns():
-    """Of two flat cells one alone was divided, by what rounding made of its bend: without end."""
+    """Formerly, one of two flat cells was divided without end, chosen by rounding in its bend."""
     poses = []
     for at, angle in ((0.0, 1.1309733552923258), (0.0352, -0.5728786603615185)):
         pose = np.eye(4)

@@ -1,4 +1,4 @@
-"""STEP files of which something is lost, unclear or elsewhere are refused, and it is named."""
+"""STEP files with something lost, unclear or in another file are refused. The error names it."""
 
 import re
 
@@ -30,7 +30,7 @@ AXES = """#9005 = CARTESIAN_POINT('',(100.,0.,0.));
 
 @pytest.fixture(scope="module")
 def text(tmp_path_factory):
-    """An assembly of a box, a cylinder and the box again, at 0, 100 and 200 mm."""
+    """Return the text of an assembly: a box, a cylinder and the box again, at 0, 100, 200 mm."""
     box = BRepPrimAPI_MakeBox(10.0, 20.0, 30.0).Shape()
     parts = [box, BRepPrimAPI_MakeCylinder(5.0, 40.0).Shape(), box]
     whole, builder = TopoDS_Compound(), BRep_Builder()
@@ -145,7 +145,10 @@ def test_parts_in_other_files_are_refused(tmp_path, text):
 
 @pytest.mark.parametrize("documented", [False, True])
 def test_a_part_that_has_a_document_in_place_of_a_shape_is_refused(tmp_path, text, documented):
-    """Its file's name may tell nothing. A part without either is empty, as planners leave some."""
+    """The document's file name may tell nothing. A part with neither shape nor document is valid.
+
+    Such a part is empty, as planners leave some.
+    """
     whole = re.search(
         r"#\d+ = NEXT_ASSEMBLY_USAGE_OCCURRENCE\('[^']*','[^']*','[^']*',(#\d+)", text
     )[1]
@@ -226,7 +229,7 @@ def test_a_bare_surface_is_named(tmp_path, text):
 
 
 def test_a_mirrored_part_is_refused(tmp_path, text):
-    """OpenCASCADE makes a rotation of it."""
+    """OpenCASCADE would turn the mirroring into a rotation."""
     operator = "#9001 = CARTESIAN_TRANSFORMATION_OPERATOR_3D('','','',{},#9005,1.,{});\n" + AXES
     place = r"ITEM_DEFINED_TRANSFORMATION\([^;]*;"
     replaced = changed(text, (rf"(#\d+) = {place}", r"\1 = DIRECTION('',(0.,0.,1.));"))

@@ -23,9 +23,9 @@ from OCP.STEPControl import STEPControl_StepModelType, STEPControl_Writer
 from OCP.TopAbs import TopAbs_State
 from OCP.TopLoc import TopLoc_Location
 
-try:  # 8.0
+try:  # OpenCASCADE 8.0
     from OCP.collections import Array1_gp_Pnt as Points
-except ImportError:  # 7.9
+except ImportError:  # OpenCASCADE 7.9
     from OCP.TColgp import TColgp_Array1OfPnt as Points
 
 from proximity_monitor.engine.files.step_parts import read_shape
@@ -37,7 +37,7 @@ SLANTED = gp_Ax2(gp_Pnt(3, -4, 5), gp_Dir(1, 2, 3))
 
 
 def outline(points, bend=None):
-    """A face in the plane of x and z with straight edges, the last a Bezier curve through poles."""
+    """Return a face in the xz plane with straight edges, or with a last Bezier edge by poles."""
     if bend is None:
         polygon = BRepBuilderAPI.BRepBuilderAPI_MakePolygon()
         for rho, z in points:
@@ -55,7 +55,7 @@ def outline(points, bend=None):
 
 
 def revolved(points, angle=2.0 * math.pi, bend=None):
-    """A polygon of (rho, z) turned about z."""
+    """Return the solid of a polygon of (rho, z) turned about z."""
     return BRepPrimAPI.BRepPrimAPI_MakeRevol(outline(points, bend), UP, angle).Shape()
 
 
@@ -69,7 +69,7 @@ def sphere(radius, *where):
 
 
 def filled(rim):
-    """A plane face inside a closed curve."""
+    """Return a plane face inside a closed curve."""
     edge = BRepBuilderAPI.BRepBuilderAPI_MakeEdge(rim).Edge()
     wire = BRepBuilderAPI.BRepBuilderAPI_MakeWire(edge).Wire()
     return BRepBuilderAPI.BRepBuilderAPI_MakeFace(wire).Face()
@@ -87,7 +87,7 @@ def capsule():
 
 
 def two_halves():
-    """A torus of two faces that are half a turn each."""
+    """Return a torus of two faces, half a turn each."""
     halves = []
     for sign in (1.0, -1.0):
         rim = gp_Circ(gp_Ax2(gp_Pnt(5, 0, 0), gp_Dir(0, 1, 0)), 2.0)
@@ -96,7 +96,7 @@ def two_halves():
 
 
 def extruded():
-    """A round bar, whose surface is an extruded circle, with a bore of the usual kind."""
+    """Return a round bar whose surface is an extruded circle, with a plain cylindrical bore."""
     face = filled(gp_Circ(gp_Ax2(gp_Pnt(0, 0, 0), gp_Dir(0, 0, 1)), 3.0))
     return cut(BRepPrimAPI.BRepPrimAPI_MakePrism(face, gp_Vec(0, 0, 4)).Shape(), cylinder(1.0, 9.0))
 
@@ -127,7 +127,7 @@ def written(shape, path):
 
 @pytest.mark.parametrize("name", TURNED)
 def test_a_part_that_turns_about_an_axis(name, tmp_path):
-    """Signed distances of points are those of OpenCASCADE, which asks its own faces."""
+    """The oracle of signed distances is OpenCASCADE, which measures to its own faces."""
     shape = TURNED[name]()
     made = engine.load(written(shape, tmp_path / "part.step"))
     assert isinstance(made, SolidOfRevolution)
@@ -141,7 +141,7 @@ def test_a_part_that_turns_about_an_axis(name, tmp_path):
         vertex = BRepBuilderAPI.BRepBuilderAPI_MakeVertex(gp_Pnt(*point)).Vertex()
         away = BRepExtrema_DistShapeShape(vertex, shape).Value()
         side = BRepClass3d_SolidClassifier(shape, gp_Pnt(*point), 1e-9).State()
-        if side == TopAbs_State.TopAbs_IN:  # it measures 0 inside
+        if side == TopAbs_State.TopAbs_IN:  # OpenCASCADE measures 0 inside
             assert upper < 0.0
             away = min(BRepExtrema_DistShapeShape(vertex, face).Value() for face in faces_of(shape))
             lower, upper = -upper, -lower
@@ -198,7 +198,7 @@ def test_any_other_part_stays_a_surface_of_patches(name, tmp_path):
 
 
 def test_what_is_off_by_less_than_the_tolerance_counts():
-    """A face is moved; the distance found is that, and a part off by more is no such solid."""
+    """One face is moved: the deviation tells by how much. A part off by more is refused as such."""
     faces = read_shape(revolved(SHAFT), "shaft").faces
     assert find_revolution(faces).deviation < 1e-12
     for i, face in enumerate(faces):
@@ -226,7 +226,7 @@ def test_faces_that_look_to_unlike_sides_bound_nothing():
 
 @pytest.mark.long
 def test_parts_of_an_assembly():
-    """In their own frames; their names, places and colours are as those of any other part."""
+    """Parts come in their own frames, with names, places and colours as of any other part."""
     kinds = {}
     for placed in engine.load_placements(GEARBOX):
         model = engine.load(GEARBOX, part=placed.model)
@@ -235,7 +235,7 @@ def test_parts_of_an_assembly():
     turned = {name for name, kind in kinds.items() if kind == "solid of revolution"}
     assert turned == {"bearing 1", "bearing 2", "seal 1", "seal 2"}
     bearing = engine.load(GEARBOX, part="bearing 1")
-    # 10.1 and 22 mm wide, 8 mm high, rounded, with a groove.
+    # The bearing has a bore of 10.1 mm, is 22 mm wide and 8 mm high, rounded, with a groove.
     points = 1e-3 * np.array([[0, 0, 0], [12, 0, 4], [0, 8, 4], [8, 0, 8]])
     found = engine.closest_points(bearing, IDENTITY, points, signed=True)
     expected = [math.hypot(5.65, 0.6) - 0.6, 1.0, 0.8 - 3.6, 1.2]
@@ -243,7 +243,7 @@ def test_parts_of_an_assembly():
 
 
 def test_how_a_single_part_is_read(tmp_path):
-    """Where it is placed, to scale, as a surface where it must be no solid."""
+    """It is read where it is placed, to scale, and as a surface if it must not be a solid."""
     shift = gp_Trsf()
     shift.SetRotation(gp_Ax1(gp_Pnt(0, 0, 0), gp_Dir(0, 1, 0)), 0.5 * math.pi)
     shift.SetTranslationPart(gp_Vec(1, 2, 3))

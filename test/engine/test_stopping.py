@@ -14,11 +14,11 @@ from proximity_monitor.engine import Status
 
 A, B = sphere(3), torus(24)
 NESTED = sphere(4, 1.0), sphere(4, 1.01)
-"""Two shells whose distance is much the same everywhere: the hardest question there is."""
+"""Two shells whose distance is nearly the same everywhere: the hardest question there is."""
 
 
 def separated(seed, count=20):
-    """Pairs of poses at which A and B are apart, with the exact answer."""
+    """Yield pairs of poses at which A and B are apart, with the exact answer."""
     rng = np.random.default_rng(seed)
     while count:
         pose_a, pose_b = pose(rng, 2.0), pose(rng, 2.0)
@@ -29,7 +29,7 @@ def separated(seed, count=20):
 
 
 def finished(pair, pose_a, pose_b, **options):
-    """Ask until the search is over; returns all answers."""
+    """Ask until the search is over. Return all answers."""
     answers = [pair.distance(pose_a, pose_b, **options)]
     while answers[-1].status is Status.OUT_OF_TIME:
         answers.append(pair.distance(pose_a, pose_b, **options))
@@ -66,7 +66,7 @@ def test_whichever_tolerance_is_reached_first_stops_the_search():
         absolute = engine.distance(A, pose_a, B, pose_b, abs_err=0.2)
         both = engine.distance(A, pose_a, B, pose_b, rel_err=0.2, abs_err=0.2)
         assert both.upper <= max(both.lower * 1.2, both.lower + 0.2) + 1e-14
-        # Beside a tolerance that is reached much later the search is the same as without it.
+        # A further tolerance that is reached much later does not change the search.
         early = engine.distance(A, pose_a, B, pose_b, rel_err=0.2, abs_err=1e-9)
         late = engine.distance(A, pose_a, B, pose_b, rel_err=1e-9, abs_err=0.2)
         assert early.bound_tests == relative.bound_tests
@@ -191,7 +191,7 @@ def test_a_bad_pose_leaves_a_pair_usable():
 
 
 def test_a_remembered_pair_answers_like_a_new_one():
-    """A path with small steps, large jumps, crossings and standstill."""
+    """The path has small steps, large jumps, crossings and standstills."""
     meshes = (A, B), (box(), soup(3)), (soup(4), B)
     rng = np.random.default_rng(10)
     for a, b in meshes:

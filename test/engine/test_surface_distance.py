@@ -1,4 +1,4 @@
-"""Distances of parametric surfaces beside an oracle of 30 digits (surface_oracle.py)."""
+"""Distances of parametric surfaces against an oracle of 30 digits (surface_oracle.py)."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ HERE = np.eye(4)
 
 
 def moved(offset, seed=None):
-    """A pose; turned at random with a seed."""
+    """Return a pose with an offset; with a seed, turned at random."""
     pose = np.eye(4)
     if seed is not None:
         q, r = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))
@@ -43,26 +43,26 @@ def shape(model, samples=8):
 
 
 def check(answer, a, pose_a, b, pose_b, gap=4e-12, known=None):
-    """Hold an answer against the oracle's; returns the reference.
+    """Check an answer against the oracle. Return the oracle's distance.
 
     Args:
-        answer: of any status.
-        a: the oracle's shape.
+        answer: an answer of any status.
+        a: the oracle's shape of the first model.
         pose_a: its pose.
-        b: the other's.
+        b: the oracle's shape of the second model.
         pose_b: its pose.
-        gap: what the bounds of an exact answer may differ by, of the models' sizes.
-        known: the distance, if it need not be searched.
+        gap: largest difference of an exact answer's bounds, as a share of the models' sizes.
+        known: the distance by a formula, which the oracle must agree with.
     """
     sizes = a.size + b.size
     true, sampled = reference(a, pose_a, b, pose_b)
     assert known is None or abs(true - known) <= 1e-14 * (
         sizes + np.linalg.norm(pose_b[:3, 3] - pose_a[:3, 3])
     )
-    # The upper bound is attained, by the points that the features name.
+    # The witness points attain the upper bound, and the features name these points.
     apart = np.linalg.norm(answer.point_a - answer.point_b)
     if answer.status in (Status.OUT_OF_TIME, Status.WITHIN_TOLERANCE):
-        true = min(true, apart)  # of near copies the reference is some minimum
+        true = min(true, apart)  # for near copies the oracle may find another local minimum
     assert answer.lower <= true <= answer.upper
     assert answer.lower <= sampled
     world = sizes + np.abs(pose_a[:3, 3]).sum() + np.abs(pose_b[:3, 3]).sum()
@@ -80,7 +80,7 @@ def check(answer, a, pose_a, b, pose_b, gap=4e-12, known=None):
 
 
 def ring(count, radius, columns=3):
-    """A circle of rational quarters, in the plane."""
+    """Return a circle of rational quarters, in the plane."""
     made = revolved([[radius, 0.0], [radius, 1.0]], [1.0, 1.0])
     return ParametricSurface(
         [Curve(p.control[:, 0, :columns], None, p.weights[:, 0]) for p in made]
@@ -157,7 +157,7 @@ def test_curves_in_the_plane_stay_in_it(name):
 
 
 def dome(sign=1.0):
-    """A biquadratic patch with its top at the origin, bent differently in u and v."""
+    """Return a biquadratic patch with its top at the origin, bent differently in u and v."""
     x, y = np.meshgrid([-1.0, 0.0, 1.0], [-1.0, 0.0, 1.0], indexing="ij")
     control = np.stack((x, y, -sign * (0.5 * (x * x + 0.4 * y * y))), axis=-1)
     control[1, :, 2] += sign * 0.5
@@ -186,7 +186,7 @@ SQUARE = Patch(np.array([[[0, 0, 0], [0, 1, 0]], [[1, 0, 0], [1, 1, 0]]], float)
 
 
 def cone():
-    """Around z, its tip at the origin: an edge of each of four patches is a point there."""
+    """Return a cone about z. At its tip, the origin, an edge of each of four patches is a point."""
     return ParametricSurface(revolved([[0.0, 0.0], [0.5, 1.0]], [1.0, 1.0]))
 
 
@@ -309,7 +309,7 @@ def test_degenerate_patches(name):
 @pytest.mark.parametrize("tolerance", [{"rel_err": 0.3}, {"abs_err": 0.1}, {"abs_err": 1e-6}])
 @pytest.mark.parametrize("order", ["depth_first", "priority", "breadth_first"])
 def test_tolerances_and_orders(tolerance, order):
-    # Each order of each pair of kinds is compiled by itself, which takes a while.
+    # Each order of each pair of kinds is compiled separately, which takes a while.
     of_mesh = (("mesh", "sphere"),) if order == "depth_first" else ()
     asked = known = 0
     for names in (("bumps", "rational"), ("curve", "torus"), *of_mesh):
@@ -377,7 +377,7 @@ def test_many_poses_at_once():
 
 @pytest.mark.parametrize("seed, turn", [(2, 2), (7, 0), (8, 0), (13, 1), (94, 1), (143, 2)])
 def test_flat_cells_are_not_divided_for_ever(seed, turn):
-    # Next to such a corner or edge a cell's bend is noise: divided along it, it stays as long.
+    # Next to such a corner or edge, a cell's bend is noise: divided along it, the cell stays long.
     a, b = patch(seed, (10, 5), (4, 1), torn, 4.0), curve(seed + 50, 6, 4)
     pose = moved(3.0 * np.random.default_rng(10 * seed + turn).normal(size=3), seed)
     answer = engine.distance(a, HERE, b, pose, budget_s=5.0)
@@ -388,7 +388,7 @@ def test_flat_cells_are_not_divided_for_ever(seed, turn):
 
 @pytest.mark.parametrize("seed", [8, 12, 13, 15, 18])
 def test_fans_are_divided_along_their_ribs_too(seed):
-    # Straight ribs that meet in a point: no bend along them, but a twist between them.
+    # The ribs are straight and meet in a point: no bend along them, but a twist between them.
     ribs = patch(seed, (7, 2), (4, 1))
     control = ribs.control.copy()
     control[:, 0] = control[0, 0]

@@ -1,4 +1,4 @@
-"""Signed distances of solids and parametric surfaces, by dense samples of the surface."""
+"""Signed distances of solids and parametric surfaces, against dense samples of the surface."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ BOX = box(tuple(2.0 * HALF))
 
 
 def phi_box(x):
-    """The signed distances of points (k, 3)."""
+    """Return the signed distances of points (k, 3) from the box."""
     q = np.abs(x) - HALF
     return np.linalg.norm(np.maximum(q, 0.0), axis=1) + np.minimum(q.max(axis=1), 0.0)
 
@@ -50,7 +50,7 @@ SURFACES = {
 
 
 def samples(element, count=150):
-    """Points of a patch or curve (k, 3), and how far its points may be from the nearest of them."""
+    """Return points (k, 3) of a patch or curve, and how far it may be from the nearest of them."""
     if isinstance(element, engine.Curve):
         points = element.evaluate(np.linspace(*element.domain, count * count))[:, None]
     else:
@@ -64,13 +64,13 @@ SAMPLES = {name: [samples(each) for each in made] for name, made in SURFACES.ite
 
 
 def placed(points, pose_of, pose_in):
-    """Points (k, 3) of one model in the frame of another."""
+    """Return points (k, 3) of one model in the frame of another."""
     world = points @ pose_of[:3, :3].T + pose_of[:3, 3]
     return (world - pose_in[:3, 3]) @ pose_in[:3, :3]
 
 
 def check(found, least, spacing, depth_err=0.01):
-    """The bounds hold of a surface with points at `least`, and none that is `spacing` deeper."""
+    """Check bounds of a surface whose deepest sample is `least`, with no point `spacing` deeper."""
     assert found.lower <= least + TIGHT
     assert found.upper >= least - spacing - TIGHT
     assert found.lower <= found.upper
@@ -127,7 +127,7 @@ def test_what_lies_wholly_inside_is_seen_and_what_lies_around_is_not():
 
 @pytest.mark.parametrize("count", [2, 400])
 def test_a_part_inside_is_found_among_others(count):
-    """Where parts are few each is looked at, where they are many by the volumes they are in."""
+    """Few parts are searched one by one, many parts by their bounding volumes."""
     rng = np.random.default_rng(count)
     small = 0.01 * np.stack(np.meshgrid([0.0, 1.0], [0.0, 1.0], [0.0]), -1).reshape(2, 2, 3)
     places = rng.normal(size=(count, 3))
@@ -176,7 +176,7 @@ def test_a_schedule_says_what_its_pairs_say():
     for spread in (0.1, 0.4, 1.5):
         poses = np.array([pose(rng, spread) for _ in models])
         answers.move(np.arange(4), poses)
-        for _ in range(2):  # the second time they stand still, and depths are told closely
+        for _ in range(2):  # the second time the bodies stand still, so depths are found closely
             schedule.update(rows, known, ~known, True)
             schedule.search(perf_counter() + 60.0, perf_counter)
         listed, left = schedule.report(perf_counter())
@@ -195,7 +195,7 @@ def test_a_search_that_was_cut_goes_on_and_its_bounds_always_hold():
     there = translation(-0.5, -0.5)
     whole = engine.signed_distance(BOX, IDENTITY, surface, there, depth_err=1e-3)
     pair = engine.Pair(BOX, surface)
-    for calls in range(10_000):  # noqa: B007 - how many there were is what counts
+    for calls in range(10_000):  # noqa: B007 - the number of calls is what counts
         found = pair.signed_distance(IDENTITY, there, depth_err=1e-3, budget_s=0.0)
         assert found.lower <= whole.upper + TIGHT
         assert whole.lower <= found.upper + TIGHT
@@ -207,7 +207,7 @@ def test_a_search_that_was_cut_goes_on_and_its_bounds_always_hold():
 
 @pytest.mark.long
 def test_a_whole_region_that_is_deepest_does_not_keep_the_search_from_its_end():
-    """A sheet halfway through a box: a surface with waves would take for ever to all digits."""
+    """A sheet in the middle of a box. To all digits, a sheet with waves would take for ever."""
     waves = 1e-3 * np.sin(np.arange(49.0)).reshape(7, 7)
     grid = np.meshgrid(np.linspace(-0.1, 0.1, 7), np.linspace(-0.1, 0.1, 7), indexing="ij")
     for heights in (0.0 * waves, waves):
@@ -218,7 +218,7 @@ def test_a_whole_region_that_is_deepest_does_not_keep_the_search_from_its_end():
 
 
 def test_a_solid_with_a_hole():
-    """What is inside is guessed where the faces are missing; elsewhere as if none were."""
+    """The inside is guessed at the missing faces. Elsewhere it is as if none were missing."""
     whole = sphere(2)
     open_ = engine.TriangleMesh(whole.vertices, whole.faces[:-4], solid="robust")
     surface = patch(4, (5, 4), (3, 2))
@@ -263,7 +263,7 @@ def test_a_contact_has_a_point_and_the_shorter_way_apart():
     found = engine.collide(SHEET, low, UP, IDENTITY)
     assert np.allclose(found.points, [[0.0, 0.0, 0.35]], atol=1e-12)
     assert np.allclose(np.abs(found.normals), [[0.0, 0.0, 1.0]], atol=1e-12)
-    # From a to b: b is the line, which has less far to go upward, out of the sheet.
+    # The normal points from a to b. b is the line: its shorter way out of the sheet is upward.
     assert found.normals[0, 2] == 1.0
     ball = engine.points([[0.0, 0.0, 0.0]], radius=0.5)
     found = engine.collide(SHEET, low, ball, IDENTITY)

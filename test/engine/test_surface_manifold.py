@@ -1,6 +1,6 @@
-"""Manifolds, solution sets and all contacts where parametric surfaces take part.
+"""Manifolds, solution sets and all contacts if parametric surfaces take part.
 
-Continua are known analytically: each sample of one has to lie in a pair of regions. The bounds of
+Continua are known analytically: each of their samples must lie in a pair of regions. The bounds of
 pairs are compared with samples of both regions.
 """
 
@@ -29,7 +29,7 @@ def moved(x, y=0.0, z=0.0):
 
 
 def scaled(surface, factor):
-    """A surface as many times as large."""
+    """Return a surface scaled by a factor."""
     made = [Patch(factor * net.control, weights=net.weights) for net in surface.nets]
     return ParametricSurface(made)
 
@@ -43,7 +43,7 @@ def point_of(surface, patch, at):
 
 
 def held(manifold, side, patches, at, slack=1e-12):
-    """Which regions (k, n) of one model hold points: their patches (n,) and parameters (n, 2)."""
+    """Return which pairs (k, n) hold points on one side, by patches (n,) and parameters (n, 2)."""
     ranges = (manifold.ranges_a, manifold.ranges_b)[side]
     faces = (manifold.faces_a, manifold.faces_b)[side]
     low, high = np.moveaxis((manifold.rectangles_a, manifold.rectangles_b)[side], 1, 0)
@@ -57,13 +57,13 @@ def held(manifold, side, patches, at, slack=1e-12):
 
 
 def covers(manifold, patches_a, at_a, patches_b, at_b):
-    """Which pairs of points lie in a pair of regions."""
+    """Return which pairs of points lie in a pair of regions."""
     one = held(manifold, 0, np.asarray(patches_a), np.asarray(at_a))
     return (one & held(manifold, 1, np.asarray(patches_b), np.asarray(at_b))).any(axis=0)
 
 
 def check_bounds(answer, a, b, pose_b, count=40):
-    """Hold the bounds of some pairs of single regions against samples of the regions."""
+    """Check the bounds of some pairs of single regions against samples of the regions."""
     m, rng = answer.manifold, np.random.default_rng(1)
     assert (m.lower <= np.minimum(m.upper, answer.upper)).all()
     assert answer.lower <= m.lower.min() + 1e-15
@@ -85,13 +85,13 @@ def check_bounds(answer, a, b, pose_b, count=40):
 
 
 def grid(patches, u, v):
-    """Patches (n,) and parameters (n, 2) of all combinations."""
+    """Return patches (n,) and parameters (n, 2) of all combinations."""
     p, u, v = np.meshgrid(patches, u, v, indexing="ij")
     return p.ravel(), np.column_stack((u.ravel(), v.ravel()))
 
 
 def on_tori():
-    """The circles where two tori that stand on each other are nearest, from all four quarters."""
+    """Yield the circle at which two stacked tori are nearest, by each patch row at that circle."""
     u = np.linspace(0.0, 1.0, 60)
     for of_a, v_a in ((0, 1.0), (4, 0.0)):
         for of_b, v_b in ((8, 1.0), (12, 0.0)):
@@ -99,7 +99,7 @@ def on_tori():
 
 
 def alike(patches, u, v, shift=(0.0, 0.0)):
-    """The same parameters on both, but for a shift."""
+    """Yield the same parameters on both models, but for a shift of the first."""
     p, at = grid(patches, u, v)
     yield p, at - shift, p, at
 
@@ -145,7 +145,7 @@ def test_all_of_a_continuum_is_in_the_solution_set(name):
 
 
 def test_regions_shrink_with_the_tolerance_and_with_that_of_parameters():
-    """Their share of all pairs of points of both, parameters being 0 to 1."""
+    """The measure is the regions' share of all pairs of parameters; each ranges from 0 to 1."""
 
     def share(**how):
         m = engine.distance(
@@ -175,7 +175,7 @@ def test_regions_shrink_with_the_tolerance_and_with_that_of_parameters():
     [
         (bumps(1), bumps(2), moved(0.4, 0.1, 2.5)),
         (SPHERE, TORUS, moved(0.4, 0.1, 2.5)),
-        (bumps(1), SPHERE, moved(1.9, 1.6, 1.5)),  # not near its pole, where u is worth little
+        (bumps(1), SPHERE, moved(1.9, 1.6, 1.5)),  # not near its pole, where u hardly matters
     ],
 )
 def test_a_nearest_pair_that_stands_alone_is_known_to_its_parameters(a, b, pose_b):
@@ -226,7 +226,7 @@ def test_equal_minima_are_groups_of_their_own():
 
 
 def test_a_surface_and_a_mesh_that_face_each_other():
-    """A plate of two triangles above the square: the part above which it lies, on both."""
+    """A plate of two triangles above the square: the solution is where they overlap along z."""
     z = 0.3
     plate = engine.TriangleMesh(
         [[0.2, 0.2, z], [1.5, 0.2, z], [1.5, 0.6, z], [0.2, 0.6, z]], [[0, 1, 2], [0, 2, 3]]
@@ -274,7 +274,7 @@ def test_a_cut_search_has_all_that_is_left_and_goes_on():
     whole = engine.distance(TORUS, HERE, TORUS, moved(0, 0, 1.0), param_err=0.1)
     assert found[-1].status is whole.status is Status.EXACT
     assert len(found[-1].manifold) == len(whole.manifold)
-    for answer in found[:: max(len(found) // 4, 1)]:  # later searches left them as they were
+    for answer in found[:: max(len(found) // 4, 1)]:  # later searches do not change them
         for sample in on_tori():
             assert covers(answer.manifold, *sample).all()
 
@@ -297,13 +297,13 @@ def test_spheres_that_cross_have_contacts_all_along_the_circle():
     angle = np.linspace(0.0, 2 * math.pi, 400)
     circle = math.sqrt(0.75) * np.column_stack((0 * angle, np.cos(angle), np.sin(angle)))
     apart = np.linalg.norm(circle[:, None] + (0.5, 0, 0) - found.points, axis=2).min(axis=1)
-    assert apart.max() < 0.2  # pieces are an eighth of a quarter long
+    assert apart.max() < 0.2  # a piece is an eighth of a quarter circle long
     for k in range(len(found.contacts)):
         for element, offset in zip(found.contacts[k], ((0, 0, 0), (1.0, 0, 0)), strict=True):
             one = ParametricSurface([_alone(SPHERE, element)])
             near = engine.closest_points(one, HERE, found.points[k : k + 1] - offset)
             assert near.upper[0] < 4e-12
-    # The normal is either sphere's, whichever parts the pieces sooner.
+    # The normal is that of the sphere along which the pieces part sooner.
     outward = found.points, found.points - (1.0, 0.0, 0.0)
     same = [np.abs((found.normals * each).sum(axis=1) - 1.0) < 1e-9 for each in outward]
     other = np.abs((found.normals * outward[1]).sum(axis=1) + 1.0) < 1e-9
@@ -324,7 +324,8 @@ def _alone(surface, patch):
 def test_what_coincides_touches_in_each_piece_and_its_neighbours():
     a = bumps(1)
     found = engine.collide(a, HERE, a, HERE, all_contacts=True)
-    beside = [3 * 7 * parts - 2 for parts in a._hierarchy.parts[0]]  # of seven spans, with itself
+    # Along seven spans, each piece touches itself and two neighbours, one at either end.
+    beside = [3 * 7 * parts - 2 for parts in a._hierarchy.parts[0]]
     assert len(found.contacts) == beside[0] * beside[1]
     assert found.complete
 
@@ -345,7 +346,7 @@ def test_contacts_that_a_budget_cuts_go_on_to_the_same_end():
 
 
 def test_triangles_and_pieces_that_meet():
-    """A box through a square: one contact of each triangle at least, on both, in either order."""
+    """A box through a square: each triangle that meets it has a contact, in either order."""
     cube = box((0.3, 0.3, 0.3))
     pose = moved(0.52, 0.49, 0.02)
     found = engine.collide(SQUARE, HERE, cube, pose, all_contacts=True)
@@ -362,7 +363,7 @@ def test_triangles_and_pieces_that_meet():
 
 
 def test_contacts_of_what_loops_leave():
-    """A pin that touches the edge of a hole on one side: no contacts where the hole is."""
+    """A pin touches the edge of a hole on one side. There are no contacts inside the hole."""
     pin = ParametricSurface(revolved(np.array([[1.9, -3.0], [1.9, 3.0]]), np.ones(2)))
     found = engine.collide(PLATE, HERE, pin, moved(CENTRE[0] + 0.3, CENTRE[1]), all_contacts=True)
     assert len(found.contacts)
@@ -370,7 +371,7 @@ def test_contacts_of_what_loops_leave():
     assert (np.linalg.norm(away, axis=1) >= RADIUS - 1e-9).all()
     assert np.allclose(np.linalg.norm(away - (0.3, 0.0), axis=1), 1.9, atol=1e-9)
     assert np.abs(found.points[:, 2]).max() < 1e-12
-    # The pin's circle lies beyond the edge where cos(angle) is more than this.
+    # The pin's circle lies beyond the hole's edge at smaller angles than this.
     reach = math.acos((RADIUS**2 - 1.9**2 - 0.3**2) / (2 * 1.9 * 0.3))
     angle = np.abs(np.arctan2(away[:, 1], away[:, 0] - 0.3))
     assert angle.max() == pytest.approx(reach, abs=0.2)
@@ -380,7 +381,7 @@ def test_contacts_of_what_loops_leave():
 def test_balls_touch_all_pieces_that_they_reach():
     ball = engine.points([[0.5, 0.5, 0.3]], radius=0.5)
     found = engine.collide(SQUARE, HERE, ball, HERE, all_contacts=True)
-    begin = np.arange(8) / 8.0  # the square is cut into eight by eight
+    begin = np.arange(8) / 8.0  # the square is cut into eight by eight pieces
     away = np.maximum(np.maximum(begin - 0.5, 0.5 - (begin + 0.125)), 0.0)
     assert len(found.contacts) == (np.hypot(*np.meshgrid(away, away)) <= 0.4).sum()
     assert found.complete

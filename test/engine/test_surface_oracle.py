@@ -1,4 +1,4 @@
-"""The oracle of surfaces' distances against scipy, and its 30 digits against differences."""
+"""The oracle of surface distances against scipy, and its 30 digits against finite differences."""
 
 import mpmath
 import numpy as np

@@ -1,4 +1,4 @@
-"""How far surfaces reach along a direction, and planes between models by that."""
+"""How far surfaces reach along a direction, and separating planes found by that."""
 
 import numpy as np
 import pytest
@@ -28,7 +28,7 @@ def reach(table, n, element, u, v, most):
 
 @njit(pipeline_class=ROOT)
 def farthest(table, n, steps):
-    """The piece, u and v of the point that reaches farthest of samples, looked at ever closer."""
+    """Return piece, u, v and reach of the farthest point, by samples ever closer to the best."""
     tree, _ = tree_at(SurfaceTree, table)
     best, piece, u, v = -np.inf, 0, 0.0, 0.0
     for t in range(len(tree.pieces)):
@@ -76,7 +76,7 @@ def directions(seed, count):
 @pytest.mark.long
 @pytest.mark.parametrize("name", SURFACES)
 def test_from_the_point_that_reaches_farthest(name):
-    """No sample reaches beyond the bound, and that is right to rounding."""
+    """No sample reaches beyond the bound, and the bound is right to rounding."""
     surface = SURFACES[name]
     table, size = surface._hierarchy.table, surface.radius + np.linalg.norm(surface.centre)
     far = 0
@@ -87,12 +87,12 @@ def test_from_the_point_that_reaches_farthest(name):
         far += not end <= most + 2e-12 * size
         elsewhere = reach(table, n, 0, 0.5, 0.5, EVERYTHING)
         assert elsewhere >= most - 1e-15 * size
-    assert far <= 10  # where the search above ends at the end of a piece, as others reach farther
+    assert far <= 10  # `farthest` may stop at the end of a piece, and another piece reaches farther
 
 
 @pytest.mark.parametrize(("name", "large", "small"), [("torus", 1.0, 0.3), ("ball", 0.0, 0.5)])
 def test_what_formulas_say(name, large, small):
-    """Also along axes, where the point is a corner of four pieces, or a whole circle of them."""
+    """Along an axis, the farthest point is a corner of four pieces, or there is a whole circle."""
     table = SURFACES[name]._hierarchy.table
     for n in ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.6, 0.8, 0.0), (0.0, 0.6, 0.8), (0.0, 0.0, 1.0)):
         n = np.array(n)
@@ -110,7 +110,7 @@ MESH = engine.shapes.box((0.5, 0.7, 1.1))
 
 
 def test_a_plane_ends_the_search():
-    """Beside a mesh, apart: many are proven by one, and all are right."""
+    """A surface beside a mesh, apart: one plane proves many of the answers, and all are right."""
     a, b = SURFACES["torus"], MESH
     known = torus(1.0, 0.3)
     held = apart = 0

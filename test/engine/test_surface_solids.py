@@ -1,4 +1,4 @@
-"""Surfaces that close up as solids: sides of points and largest balls, by formulas and samples."""
+"""Closed surfaces as solids: sides of points and largest balls, against formulas and samples."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def on_torus(angles):
 
 
 def near_ball(rng):
-    """Points at all directions, those of poles and joints among them, and just off the surface."""
+    """Return points just off the surface in all directions, some at poles and joints."""
     angles = rng.uniform(0.0, 2.0 * np.pi, (2, 120))
     angles[0, :40] = np.round(2.0 * angles[0, :40] / np.pi) * np.pi / 2.0
     angles[1, 20:60] = np.round(2.0 * angles[1, 20:60] / np.pi) * np.pi / 2.0
@@ -74,7 +74,7 @@ def near_torus(rng):
 def near_cube(rng):
     points = rng.random((120, 3))
     axis, side = rng.integers(3, size=120), rng.integers(2, size=120)
-    points[:30] = np.round(points[:30])  # beside corners
+    points[:30] = np.round(points[:30])  # near corners
     points[np.arange(120), axis] = side + np.tile(NORMAL, 40)
     return points
 
@@ -109,7 +109,7 @@ def test_sides_are_those_of_formulas(name):
     check_sides(model, phi, points)
     check_sides(model, phi, points[:60], at=pose(rng, 3.0))
     check_sides(solid(patches(), 1e-3, 2.0), phi, points[:60], 1e-3, 2.0)
-    # Inside out, and mirrored.
+    # Inside out, then mirrored.
     check_sides(solid([swapped(each) for each in patches()]), phi, points[:60])
     mirrored, turned = solid(patches()), np.array([1.0, 1.0, -1.0])
     mirrored.deform(mirrored.control_points * turned)
@@ -140,7 +140,7 @@ def test_beyond_the_largest_distance_the_side_is_told():
 
 
 def blob(seed):
-    """Six bicubic patches around the origin, with creases where they meet."""
+    """Return six bicubic patches around the origin, with creases where they meet."""
     rng = np.random.default_rng(seed)
     phase, made = rng.uniform(0.0, 6.0), []
     for axis in range(3):
@@ -158,7 +158,7 @@ def blob(seed):
 
 
 def samples(patches, count=60):
-    """Triangles (m, 3, 3) between points of patches, and how far the surface is from them."""
+    """Return triangles (m, 3, 3) of points of patches, and the surface's distance to them."""
     found, error = [], 0.0
     t = np.linspace(0.0, 1.0, count)
     u, v = np.meshgrid(t, t, indexing="ij")
@@ -207,7 +207,7 @@ def test_sides_and_balls_of_a_blob_by_samples():
         deep = radii(tried)
         best, width = tried[deep.argmax()], 0.55 * width
     found = engine.signed_distance(models[0], IDENTITY, models[1], at)
-    # A point's distance from the samples is too large by no more than half their spacing, nearly.
+    # Distances to samples are too large by about half the spacing's square over the distance.
     deepest, slack = 2.0 * deep.max(), error + 0.5 * spacing**2 / deep.max()
     assert deepest > 0.3
     assert deepest - 2.0 * slack <= -found.lower
@@ -250,7 +250,7 @@ def test_what_lies_inside_is_found():
     check(engine.signed_distance(ball(2.0), IDENTITY, torus, IDENTITY), -0.6)
     check(engine.signed_distance(torus, IDENTITY, ball(0.1), translation(0.9, 0.0, 0.0)), -0.2)
     check(engine.signed_distance(torus, IDENTITY, ball(0.1), IDENTITY), 0.6)
-    # Surfaces' own distance says nothing of it, as that of meshes.
+    # The distance of the surfaces themselves ignores the inside, as with meshes.
     assert engine.distance(a, IDENTITY, b, IDENTITY).lower > 0.69
     assert not engine.collide(a, IDENTITY, b, IDENTITY).colliding
 

@@ -1,4 +1,4 @@
-"""Patches, curves and surfaces of many as models: what they refuse, hold, show and remember."""
+"""Patches, curves and surfaces of several as models: input, hierarchy, display and copies."""
 
 from __future__ import annotations
 
@@ -157,7 +157,7 @@ MODELS = {
 
 
 def sampled(model, count=7):
-    """Points of all patches and curves."""
+    """Return points of all patches and curves."""
     made = []
     for net in model.nets:
         u, v = (np.linspace(each.low[0], each.high[-1], count) for each in net.spans)
@@ -335,7 +335,7 @@ def test_a_pickle_of_another_version_is_refused():
 
 
 def spread(mesh, count=8):
-    """Points of a display mesh's triangles."""
+    """Return points of a display mesh's triangles."""
     s, t = np.random.default_rng(1).random((2, count))
     s, t = np.where(s + t > 1.0, 1.0 - s, s), np.where(s + t > 1.0, 1.0 - t, t)
     a, b, c = (mesh.corners()[:, None, i] for i in range(3))
@@ -350,7 +350,7 @@ def test_triangles_to_show_are_within_their_tolerance(tolerance):
     x, y, z = spread(ring).T
     assert np.abs(np.hypot(np.hypot(x, y) - 1.0, z) - 0.3).max() <= ring.off <= tolerance
     np.testing.assert_allclose(ball.normals, ball.vertices, atol=1e-5)
-    assert len(ring.faces) * tolerance < 200.0  # as many as needed, no more
+    assert len(ring.faces) * tolerance < 200.0  # no more triangles than needed
     for made, larger in ((bumps(4), 1.0), (patch(6, decades=0.5), 30.0)):
         shown = made.display_mesh(tolerance * larger)
         mesh = engine.TriangleMesh(shown.vertices, shown.faces)

@@ -1,4 +1,4 @@
-"""Models swept by a ball, and models that deviate: every question, against their cores'."""
+"""Models swept by a ball, and models that deviate: every question, against answers of the cores."""
 
 import math
 from fractions import Fraction
@@ -15,11 +15,11 @@ from proximity_monitor.engine import Status
 from proximity_monitor.engine.assembly.answers import Answers
 
 ROUNDING = 1e-14
-"""By what share of the coordinates the bounds of an exact answer may differ."""
+"""Largest difference of an exact answer's bounds, as a share of the coordinates."""
 
 
 def core_of(model):
-    """The same triangles, swept by nothing."""
+    """Return the same triangles without a swept radius."""
     return engine.TriangleMesh(model.vertices, model.faces)
 
 
@@ -35,13 +35,13 @@ def swept(rng, kind, radius, deviation=0.0):
 
 
 def true_distance(a, pose_a, b, pose_b) -> Fraction:
-    """The distance of two swept models without rounding, but for a root to 40 digits."""
+    """Return the distance of two swept models, exact but for a root to 40 digits."""
     cores = root(exact_mesh_distance(core_of(a), core_of(b), pose_b, pose_a))
     return max(cores - Fraction(a.swept_radius) - Fraction(b.swept_radius), Fraction(0))
 
 
 def test_spheres_are_spheres_to_the_last_digits():
-    """A true 5 mm between spheres of half a metre, in every direction."""
+    """Spheres of radius 0.5 m are 5 mm apart, in every direction."""
     ball = engine.points([[0.0, 0.0, 0.0]], radius=0.5)
     rng = np.random.default_rng(1)
     for _ in range(50):
@@ -75,7 +75,7 @@ def test_distances_are_those_of_the_cores_less_the_radii(
     rng = np.random.default_rng(seed)
     a, b = (swept(rng, kind, radius) for kind, radius in zip(kinds, radii, strict=True))
     pose_a, pose_b = pose(rng, 5.0), pose(rng, 5.0)
-    # So far apart along the way between their nearest points that the wanted gap is left.
+    # Move b along the line between the nearest points until the wanted gap is left.
     way = rng.normal(size=3)
     pose_b[:3, 3] += way / np.linalg.norm(way) * (60.0 + sum(radii))
     first = engine.distance(a, pose_a, b, pose_b)
@@ -139,7 +139,7 @@ def test_a_deviation_widens_every_bound():
     for gap in (1.0, 0.1, 0.009, 0.0):
         there = translation(*(rng.normal(size=3)))
         there[:3, 3] *= (1.0 + gap) / np.linalg.norm(there[:3, 3])
-        true = np.linalg.norm(there[:3, 3]) - 1.0  # of the sphere that the mesh stands for
+        true = np.linalg.norm(there[:3, 3]) - 1.0  # from the sphere that the mesh stands for
         without = engine.distance(plain, np.eye(4), probe, there)
         found = engine.distance(mesh, np.eye(4), probe, there)
         assert found.lower == pytest.approx(max(without.lower - 0.01, 0.0), abs=1e-14)
@@ -188,7 +188,7 @@ def test_assembly_and_refit_know_the_radii():
 
 
 def test_a_sphere_that_spins_stays_where_it_is():
-    """Carried bounds are those of the cores: nothing is lost by a spin, and points stay nearest."""
+    """Bounds are carried for the cores: a spin loses nothing, and points stay nearest."""
     ball, other = engine.points([[0, 0, 0]], radius=0.5), engine.points([[0, 0, 0]], radius=0.25)
     answers = Answers([ball, other], ["ball", "other"])
     row = answers.add(np.array([[0, 1]]), np.zeros(1, bool))
@@ -239,7 +239,7 @@ def test_carried_bounds_hold_wherever_swept_bodies_move(seed, motion, deviation)
 
 
 def test_spheres_and_capsules_overlap_by_their_penetration():
-    """Also one inside the other: minus the diameter of the largest ball in both."""
+    """If one is inside the other, the answer is minus the diameter of the largest ball in both."""
     ball, small = engine.points([[0, 0, 0]], radius=0.5), engine.points([[0, 0, 0]], radius=0.1)
     capsule = engine.polyline([[0, 0, -1], [0, 0, 1]], radius=0.2)
     rng = np.random.default_rng(19)
@@ -324,7 +324,7 @@ def test_lengths_that_are_none_are_refused_by_name(what, value):
 @pytest.mark.parametrize("tolerance", [{"rel_err": 1.0}, {"abs_err": 1e-3}, {"rel_err": 0.3}])
 @pytest.mark.parametrize("share", [0.3, 0.9, 1.1, 1.4, 3.0])
 def test_a_search_ends_where_the_deviation_is_about_the_gap(share, tolerance):
-    """No tolerance tells the sign there: one search for it followed the other without end."""
+    """No tolerance decides the sign there. Formerly, one search followed another without end."""
     cube, deviation = engine.TriangleMesh(*_cube()), 4e-4
     rough, gap = engine.TriangleMesh(*_cube(), deviation=deviation), share * deviation
     beside, pair = translation(1.0 + gap), engine.Assembly([rough, cube])

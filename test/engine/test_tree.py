@@ -1,4 +1,4 @@
-"""The hierarchy is right for every model, and its validator sees every kind of damage."""
+"""The hierarchy is right for every model, and its validator finds every kind of damage."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from proximity_monitor import engine
 from proximity_monitor.engine.models.tree import check_tree
 
 WIDTH, FIELDS = 16, 12
-"""Lanes of a node, and numbers of a lane: field f of lane k stands at f * WIDTH + k."""
+"""Lanes of a node, and numbers of a lane. Field f of lane k is at f * WIDTH + k."""
 RADIUS = 9
 EMPTY = -(2**31)
 
 
 def grown(count, base):
-    """Triangles at ever larger distances: a splitter that halves the space goes deep."""
+    """Return triangles at ever larger distances: a splitter that halves space makes a deep tree."""
     centres = base ** np.arange(count, dtype=float)
     shape = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0]])
     corners = centres[:, None, None] * (shape + np.array([1.0, 0.0, 0.0]))
@@ -87,7 +87,7 @@ def test_every_volume_holds_its_triangles(name, kind):
 
 @pytest.mark.parametrize("power", [-9, 0, 10, 100])
 def test_a_unit_is_no_smaller_than_the_largest_coordinate(power):
-    """That may be the next number after a power of two, whose logarithm is a whole number."""
+    """The float after a power of two is a hard case: its computed logarithm is a whole number."""
     for largest in (2.0**power, np.nextafter(2.0**power, np.inf)):
         mesh = engine.TriangleMesh(np.eye(3) * largest, [[0, 1, 2]])
         check_tree(mesh._hierarchy.tree)
@@ -107,7 +107,7 @@ def test_the_hierarchy_is_wide_and_shallow():
 
 
 def damaged(field, change, model=None):
-    """A copy of a hierarchy with one of its arrays changed."""
+    """Return a copy of a hierarchy with one of its arrays changed."""
     tree = (model or torus(24))._hierarchy.tree
     array = getattr(tree, field).copy()
     change(array)
@@ -115,7 +115,7 @@ def damaged(field, change, model=None):
 
 
 def used_lanes(tree):
-    """Node and lane of every volume."""
+    """Return node and lane of every volume."""
     return [divmod(at, WIDTH) for at in np.flatnonzero(tree.children != EMPTY)]
 
 
@@ -164,7 +164,7 @@ def test_an_axis_that_turned_is_found(place, axis):
 @pytest.mark.parametrize("place", LANES[::37])
 @pytest.mark.parametrize("factor", [0.0, 0.99, 1.0 - 1e-5, -1.0, np.nan])
 def test_a_radius_that_is_too_small_is_found(place, factor):
-    """The radius is rounded up by a few units in the last place of float32 alone."""
+    """The radius is rounded up by only a few units in the last place of float32."""
 
     def shrink(nodes):
         nodes[at(place, RADIUS)] *= np.float32(factor)
@@ -243,7 +243,7 @@ def test_a_corner_that_moved_is_found(column):
 
 
 def test_an_unused_lane_that_can_be_reached_is_found():
-    """Its child is no triangle: a search that got there would read beyond the arrays."""
+    """The lane's child is no triangle: a search that reached it would read beyond the arrays."""
     tree = TORUS._hierarchy.tree
     unused = np.flatnonzero(tree.children == EMPTY)
     node, lane = divmod(int(unused[-1]), WIDTH)
@@ -257,7 +257,7 @@ def test_an_unused_lane_that_can_be_reached_is_found():
 
 @pytest.mark.parametrize("entry", [0, 2])
 def test_a_scale_that_is_wrong_is_found(entry):
-    """Metres in a node unit; and the largest norm of a vertex, on which every margin rests."""
+    """Entry 0: metres in a node unit. Entry 2: the largest norm of a vertex, for all margins."""
 
     def shrink(scale):
         scale[entry] *= 0.5

@@ -24,7 +24,7 @@ edge_pairs, segments = from_python(edges.edge_pairs), from_python(triangles.segm
 CASES = 60
 FACE = [[0, 1, 2]]
 ACCURACY = 4e-15
-"""Of the larger triangle's coordinates: how far each bound may be from the exact distance."""
+"""Largest error of a bound, as a share of the larger triangle's coordinates."""
 
 
 def models(a, b):
@@ -48,7 +48,7 @@ def cases(kind):
 
 
 def place(placement, rng, b):
-    """Two poses, and b such that the pair stays nearly as hard as it was."""
+    """Return two poses, and b moved such that the pair stays nearly as hard as it was."""
     if placement == "at the origin":
         return IDENTITY, IDENTITY, b
     pose_a, turn = pose(rng, 3.0), pose(rng, rng.choice((0.0, 1.0)))
@@ -63,7 +63,7 @@ def place(placement, rng, b):
 @pytest.mark.parametrize("placement", ["at the origin", "moved", "six digits"])
 @pytest.mark.parametrize("kind", KINDS)
 def test_both_bounds_are_within_their_share_of_the_exact_distance(kind, placement):
-    """The bounds hold without any tolerance, wherever the triangles stand, and they are tight."""
+    """The bounds hold without any tolerance, wherever the triangles are, and they are tight."""
     rng = np.random.default_rng(1)
     worst = 0.0
     for case, a, b in cases(kind):
@@ -112,7 +112,7 @@ def test_witness_points_lie_on_the_triangles_and_attain_the_bound(kind):
 
 @pytest.mark.parametrize("angle", [10.0**-k for k in range(2, 16)])
 def test_nearly_parallel_edges_that_cross_above_each_other(angle):
-    """Two long edges, one above the other: the gap is known, whatever the angle between them."""
+    """Two long edges cross, one above the other. The gap is known, whatever their angle."""
     gap = 0.25
     a = np.array([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
     b = np.array([[-1.0, -angle, gap], [1.0, angle, gap], [0.0, 0.0, 1.0]])
@@ -147,7 +147,7 @@ def test_features_name_vertex_edge_and_face():
 @pytest.mark.parametrize("exponent", [-120, -75, -60, -52, -50, -40, -20, -6, 6, 20, 40, 44])
 @pytest.mark.parametrize("kind", ["apart", "close", "tiny_gap", "zero_area", "shared_edge"])
 def test_tiny_and_huge_triangles(kind, exponent):
-    """Products of six lengths must neither vanish nor overflow, or cost no more than the bounds."""
+    """Products of six lengths must not vanish or overflow; at worst, only the bounds widen."""
     rng = np.random.default_rng(exponent % 1000)
     for _ in range(20):
         a, b = (t * 10.0**exponent for t in KINDS[kind](rng))
@@ -183,7 +183,7 @@ def test_edges_in_parallel_have_the_nearest_points_of_edges_one_by_one(kind):
                 k = 3 * i + j
                 _, _, alone = segments(a[i], edges_a[i], b[j], edges_b[j])
                 if squared[k] < touching[k]:
-                    continue  # found one by one then
+                    continue  # the engine recomputes such a pair with `segments`
                 size = coordinates(np.array(a), np.array(b))
                 assert abs(np.sqrt(squared[k]) - np.sqrt(alone)) <= 1e-15 * size, case
                 ends = [

@@ -1,4 +1,4 @@
-"""Trims against what is known of circles and rectangles, and their refusals."""
+"""Trims against known answers for circles and rectangles, and the refusal of bad trims."""
 
 import math
 
@@ -20,7 +20,7 @@ LOW, HIGH = np.array([0.0, 0.0]), np.array([10.0, 5.0])
 
 
 def circle(centre, radius):
-    """A full circle as four rational quadratics."""
+    """Return a full circle as four rational quadratics."""
     made, middle = [], math.sqrt(0.5)
     for i in range(4):
         angles = [(i + 0.5 * k) * math.pi / 2 for k in range(3)]
@@ -44,7 +44,7 @@ def frame(low=LOW, high=HIGH):
 def sides(trim, parameters):
     made = np.empty(len(parameters), np.int8)
     kind = classify_points if parameters.shape[1] == 2 else classify_rectangles
-    # The trim is the second of its model's, so that each index has an offset.
+    # The trim is the second one of its model, so that every index has an offset.
     kind(joined([Trim([circle((0, 0), 1)], (-1, -1), (1, 1)), None, trim]), 2, parameters, made)
     return made
 
@@ -117,7 +117,7 @@ def test_a_loop_around_the_rectangle_trims_nothing():
 
 
 def test_a_loop_that_shares_sides_with_the_rectangle():
-    """What lies along a side does not make cells there uncertain; a corner is cut off."""
+    """Curves along a side do not make the cells there uncertain. One corner is cut off."""
     cut = Trim([polygon((0, 0), (10, 0), (10, 3), (7, 5), (0, 5))], LOW, HIGH)
     points = np.array([[9.9, 4.9], [8.0, 4.2], [7.9, 4.2], [10.0, 2.0], [0.0, 5.0], [10.0, 5.0]])
     assert sides(cut, points).tolist() == [0, 1, 1, 1, 1, 0]
@@ -126,7 +126,7 @@ def test_a_loop_that_shares_sides_with_the_rectangle():
 
 
 def test_angles_of_arcs_become_parameters():
-    """A window in a cylinder, between angles and heights: parameters are not angles inside arcs."""
+    """A window in a cylinder, by angles and heights. Inside arcs, parameters are not angles."""
     angle, arcs = 1.5 * math.pi, 3
     low, high = np.array([-0.5, 0.0]), np.array([-0.5 + angle, 2.0])
     window = polygon((0.1, 0.5), (2.0, 0.5), (2.0, 1.5), (0.1, 1.5))
@@ -179,7 +179,7 @@ def test_what_is_shown_is_what_is_left():
     assert math.isinf(shown.off)
     a, b, c = shown.corners().transpose(1, 0, 2)
     turned = np.cross(b - a, c - a)[:, 2]
-    assert (turned >= -1e-12).all()  # as the patch's normal
+    assert (turned >= -1e-12).all()  # triangles face as the patch's normal does
     assert 0.5 * turned.sum() == pytest.approx(50.0 - math.pi * RADIUS**2, rel=1e-3)
     middle = (a + b + c)[turned > 1e-9, :2] / 3.0
     assert (np.linalg.norm(middle - CENTRE, axis=1) > RADIUS - 0.02).all()

@@ -29,7 +29,7 @@ PLATE = engine.Patch(
 
 
 def to_plate(points):
-    """The distances of points to the plate, exact but for rounding."""
+    """Return the distances of points to the plate, exact but for rounding."""
     x, y, z = np.asarray(points).T
     outside = np.maximum(np.maximum(-x, x - 10.0), np.maximum(np.maximum(-y, y - 5.0), 0.0))
     assert (outside == 0.0).all()
@@ -53,7 +53,7 @@ def test_points_near_a_hole_s_edge_have_their_distance():
 
 
 def test_a_pin_in_a_hole_is_no_nearer_than_its_clearance():
-    """The plate without its hole would be pierced; the nearest points are a circle of them."""
+    """The pin would pierce a plate without the hole. The nearest points are a whole circle."""
     pin = engine.ParametricSurface(
         revolved(np.array([[1.9, -3.0], [1.9, 3.0]]), np.ones(2)), name="pin"
     )
@@ -73,7 +73,7 @@ def test_a_pin_in_a_hole_is_no_nearer_than_its_clearance():
 
 
 def window():
-    """What a loop, which is given in angles, leaves of a quarter of a cylinder's wall."""
+    """Return what a loop, given in angles, leaves of a quarter of a cylinder's wall."""
     quarter = revolved(np.array([[2.0, 0.0], [2.0, 1.0]]), np.ones(2))[0]
     control, weights = quarter.nets[0].control, quarter.nets[0].weights
     low, high = np.array([0.0, 0.0]), np.array([math.pi / 2, 1.0])
@@ -102,7 +102,7 @@ def test_arcs_are_trimmed_in_their_angle():
 
 
 def random_patch(random, rational):
-    """A bumpy patch with a round hole, or of which only a disc or a ring is left."""
+    """Return a bumpy patch with a round hole, or of which only a disc or a ring is left."""
     count = int(random.integers(4, 7))
     x, y = np.meshgrid(*2 * [np.linspace(-1.0, 1.0, count)], indexing="ij")
     control = np.stack([x, y, 0.4 * random.normal(size=x.shape)], axis=-1)
@@ -118,7 +118,7 @@ def random_patch(random, rational):
 
 
 def sampled(patch, count=250):
-    """Points of what is left of a patch."""
+    """Return points of what is left of a patch."""
     u, v = np.meshgrid(*2 * [np.linspace(0.0, 1.0, count)])
     places = np.column_stack([u.ravel(), v.ravel()])
     found = np.empty(len(places), np.int8)
@@ -153,7 +153,7 @@ def test_no_sample_of_what_is_left_is_nearer_than_the_bounds(seed):
 
 @njit(pipeline_class=ROOT)
 def parts_of(tree, element, levels, nets, points, told):
-    """Nets (k, 48) of an edge's parts, level by level; five points of each; how each bends."""
+    """Set nets (k, 48) of an edge's parts, level by level, five points and the bend of each."""
     bends = np.empty(1 << levels)
     bends[0] = tree.pieces[element].bend
     k = 0
@@ -172,7 +172,7 @@ def parts_of(tree, element, levels, nets, points, told):
 
 @pytest.mark.parametrize("seed", range(4))
 def test_boxes_around_parts_of_edges_hold_the_curve(seed):
-    """However the first bend is bounded, and whatever direction a part's chord has."""
+    """This holds however the first bend is bounded, and whatever direction a part's chord has."""
     random = np.random.default_rng(seed)
     tree = random_patch(random, seed % 2 == 0)._hierarchy.tree
     ways = random.normal(size=(40, 3))
@@ -194,7 +194,7 @@ def test_a_deformed_patch_keeps_its_loops():
 
 
 def test_only_what_is_left_reaches_into_a_solid():
-    """A cube of edge 2 beside the hole's middle: what has been cut off would be deeper by far."""
+    """A cube of edge 2 in the middle of the hole. The part that is cut off would be far deeper."""
     pose = np.eye(4)
     pose[:3, 3] = *CENTRE, 0.0
     cube = box((2.0, 2.0, 2.0))
@@ -210,7 +210,7 @@ def test_only_what_is_left_reaches_into_a_solid():
 
 @njit(pipeline_class=ROOT)
 def near_to(tree, x, y, z, found):
-    """Which place `near` tells for a point of the model's frame, beginning with an edge."""
+    """Set `found` to the place that `near` finds for a point, model frame, from an edge."""
     stack, bounds, gaps = np.empty(512, np.int32), np.empty(512), np.empty(16, np.float32)
     edge, begin = len(tree.pieces) - 1, (0.5, 0.0, 0.0)
     element, at = sides.near(tree, (x, y, z), edge, begin, 64, 0.0, stack, bounds, gaps)
@@ -218,7 +218,7 @@ def near_to(tree, x, y, z, found):
 
 
 def test_what_loops_have_cut_off_is_not_taken_for_near():
-    """A disc left of a square: the square's corners are nearer to what is beyond them."""
+    """A disc is left of a square. The square's corners would be nearer to points beyond them."""
     square = [[[u, v, 0.0] for v in (-5.0, 5.0)] for u in (-5.0, 5.0)]
     knots = np.repeat([-5.0, 5.0], 2)
     trim = Trim([circle((0.0, 0.0), 5.0)], (-5, -5), (5, 5))
@@ -250,7 +250,7 @@ def test_what_is_cut_off_is_cut_off_in_the_mirror_too():
     assert found.upper == pytest.approx(to_plate(points), abs=1e-11)
     again = engine.shapes.compound([Part(mirrored, HERE, (-1.0, 1.0, 1.0))])
     assert again.digest() == engine.shapes.compound([Part(PLATE, HERE)]).digest()
-    # Along arcs loops are told by angles, one way as the other.
+    # Along arcs, loops are given by angles, and mirroring keeps the angles.
     wall = engine.shapes.compound([Part(window(), HERE, (-1.0, 1.0, 1.0))])
     points = np.column_stack([3 * np.cos(random.uniform(0, 1.5, 50)), random.uniform(1, 3, 50)])
     points = np.column_stack([points, random.uniform(0, 1, 50)])

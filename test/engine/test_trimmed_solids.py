@@ -1,4 +1,4 @@
-"""Solids of trimmed patches: a drilled block and a cylinder that is cut off, by formulas."""
+"""Solids of trimmed patches: a drilled block and an obliquely cut cylinder, against formulas."""
 
 import math
 import pickle
@@ -24,7 +24,7 @@ SLOPE = 0.3
 
 
 def drilled(wall=BORE):
-    """The unit cube with a hole along z, as nine patches; two of them are trimmed."""
+    """Return the unit cube with a hole along z, as ten patches; two of them are trimmed."""
     made = cube()
     for i, face in enumerate(made):
         if np.ptp(face.control[..., 2]) == 0.0:
@@ -46,7 +46,7 @@ def phi_drilled(x):
 
 
 def near_drilled(rng):
-    """Points at random, beside the wall of the hole, and beside its edges."""
+    """Return points at random, near the wall of the hole, and near its edges."""
     angle, aside = rng.uniform(0.0, 2.0 * np.pi, 120), 10.0 ** rng.uniform(-8, -1, (2, 120))
     aside *= rng.choice([-1.0, 1.0], (2, 120))
     r = BORE + aside[0]
@@ -70,7 +70,7 @@ def test_sides_of_a_drilled_block_are_those_of_a_formula():
 
 
 def swapped_trim(patch):
-    """The same patch with u for v, and the other side out."""
+    """Return the same patch with u and v exchanged, so that its normal is reversed."""
     if patch.trim is None:
         return swapped(patch)
     loops = [frame(*UNIT), circle(np.array([0.5, 0.5]), BORE)]
@@ -82,10 +82,10 @@ def test_largest_balls_in_a_drilled_block():
     block = ParametricSurface(drilled(), solid=True)
     for radius, place, expected in (
         (0.1, (0.85, 0.5, 0.5), -0.2),  # all of the ball is inside
-        (0.3, (0.5, 0.5, 0.5), -0.1),  # the ring around the hole
+        (0.3, (0.5, 0.5, 0.5), -0.1),  # the overlap is the ring around the hole
         (0.3, (1.2, 0.5, 0.5), -0.1),
         (0.1, (0.5, 0.5, 0.5), 0.1),  # clear of the wall
-        (0.1, (0.5, 0.5, 1.15), math.hypot(0.2, 0.15) - 0.1),  # nearest to the edge
+        (0.1, (0.5, 0.5, 1.15), math.hypot(0.2, 0.15) - 0.1),  # nearest to the hole's edge
     ):
         check(engine.signed_distance(block, IDENTITY, ball(radius), translation(*place)), expected)
         check(engine.signed_distance(ball(radius), translation(*place), block, IDENTITY), expected)
@@ -93,7 +93,7 @@ def test_largest_balls_in_a_drilled_block():
 
 def test_how_deep_a_sheet_reaches_into_a_drilled_block():
     block = ParametricSurface(drilled(), solid=True)
-    for side, depth in ((0.19, 0.0), (0.6, 0.15), (2.0, 0.15)):  # not the corners of the hole
+    for side, depth in ((0.19, 0.0), (0.6, 0.15), (2.0, 0.15)):  # diagonally it is deeper
         half = 0.5 * side
         sheet = [[[x, y, 0.5] for y in (0.5 - half, 0.5 + half)] for x in (0.5 - half, 0.5 + half)]
         found = engine.signed_distance(block, IDENTITY, engine.Patch(sheet), IDENTITY)
@@ -105,7 +105,7 @@ def test_how_deep_a_sheet_reaches_into_a_drilled_block():
 
 
 def deepest(half):
-    """The depth in the block of a square's deepest point, in its middle plane."""
+    """Return how deep the deepest point of a square in the middle plane is in the block."""
     x, y = np.meshgrid(*2 * [np.linspace(0.5 - half, 0.5 + half, 801)])
     points = np.stack((x.ravel(), y.ravel(), np.full(x.size, 0.5)), axis=1)
     return -phi_drilled(points).min()
@@ -150,7 +150,7 @@ def test_loops_are_turned_so_that_what_they_leave_is_on_their_left():
     turned = [each._replace(control=each.control[::-1]) for each in reversed(ring)]
     assert examine(Trim([ring, hole], *UNIT)).turned == [False, True]
     assert examine(Trim([hole, turned, frame(*UNIT)], *UNIT)).turned == [False, False, False]
-    # Two arcs that meet in cusps, as of a sickle's blade.
+    # Two arcs that meet in cusps, like a sickle's blade.
     bow = TrimCurve(np.array([[0.1, 0.5], [0.5, 0.5], [0.9, 0.9]]))
     string = TrimCurve(np.array([[0.9, 0.9], [0.6, 0.6], [0.3, 0.5], [0.1, 0.5]]))
     found = examine(Trim([[bow, string]], *UNIT))
@@ -160,7 +160,7 @@ def test_loops_are_turned_so_that_what_they_leave_is_on_their_left():
 
 @pytest.mark.parametrize("radius", [1e-6, 1e-7, 1e-8, 2e-9])
 def test_a_tiny_loop_has_a_proven_side(radius):
-    """Once the sign of a small area was sought without end."""
+    """Formerly, the search for the sign of a small area did not end."""
     ring = circle(np.array([0.4, 0.6]), radius)
     back = [each._replace(control=each.control[::-1]) for each in reversed(ring)]
     assert examine(Trim([ring], *UNIT))[:2] == ("", [False])
@@ -168,7 +168,7 @@ def test_a_tiny_loop_has_a_proven_side(radius):
 
 
 def slanted(parts):
-    """A cylinder of radius 1 from z = 0 to 1 + SLOPE x; its upper edge is of quintics."""
+    """Return a cylinder of radius 1 from z = 0 to 1 + SLOPE x. Its upper edge is of quintics."""
     knots = np.repeat([0.0, 0.5 * np.pi], 3), np.repeat([0.0, 2.0], 2)
     made, size = [], 1.5
     for turn, each in enumerate(revolved(np.array([[1.0, 0.0], [1.0, 2.0]]), np.ones(2))):
@@ -192,7 +192,7 @@ def slanted(parts):
 
 
 def upper(begin, end, turn):
-    """The quintic (6, 2) with the values, slopes and bends of 1 + SLOPE cos at both angles."""
+    """Return the quintic (6, 2) with values, slopes and bends of 1 + SLOPE cos at both angles."""
     h, points = end - begin, np.empty((6, 2))
     for first, angle, step in ((0, begin, h), (5, end, -h)):
         at = angle + 0.5 * np.pi * turn
@@ -222,7 +222,7 @@ def test_an_edge_across_a_cylinder_is_compared_by_its_bends():
     told = np.abs(expected) > 1e-6
     assert (np.sign(found.lower[told]) == np.sign(expected[told])).all()
     assert (np.sign(found.upper[told]) == np.sign(expected[told])).all()
-    deep = told & (expected < 0.0)  # within convex solids depths are those of the nearest face
+    deep = told & (expected < 0.0)  # in a convex solid the depth is that to the nearest face
     assert found.upper[deep] == pytest.approx(expected[deep], abs=1e-9)
     check(engine.signed_distance(model, IDENTITY, ball(0.2), translation(0.0, 0.0, -0.1)), -0.1)
     coarse = ParametricSurface(slanted(1), solid=None)

@@ -1,4 +1,4 @@
-"""Solids of revolution that are spheres or tori: what the circle of their centres tells."""
+"""Solids of revolution that are spheres or tori: distances from the circle of their centres."""
 
 import math
 from fractions import Fraction
@@ -27,7 +27,7 @@ ROUND = 1e-11
 
 
 def as_centre_tells(solid, at_solid, sphere, at_sphere, radius):
-    """Check the distance of a sphere, either way round, by that of its centre; return it."""
+    """Check a sphere's distance, in either order, against that of its centre. Return it."""
     away = engine.closest_points(solid, at_solid, at_sphere[None, :3, 3])
     for asked in ((solid, at_solid, sphere, at_sphere), (sphere, at_sphere, solid, at_solid)):
         found = engine.distance(*asked)
@@ -43,7 +43,7 @@ def as_centre_tells(solid, at_solid, sphere, at_sphere, radius):
 @pytest.mark.parametrize("tilt", [0.0, 1e-9, 1e-3, 0.3, 1.2, math.pi / 2.0, 3.0])
 @pytest.mark.parametrize("name", HELD)
 def test_a_ball_on_an_axis_has_an_exact_distance_however_it_is_turned(name, tilt):
-    """The nearest points are a whole circle, or one on the axis; the centre alone tells."""
+    """A circle, or a point on the axis, is nearest. The ball's centre alone gives the distance."""
     holder, height, truth = HELD[name]
     frame, there = pose(np.random.default_rng(5), 2.0), turn(tilt, 0.7)
     there[2, 3] = height
@@ -66,7 +66,7 @@ def test_a_ball_anywhere_is_as_far_as_its_centre_tells(name):
 
 
 def test_a_ball_around_another_solid_is_searched_as_any_other():
-    """What its centre tells is of no use there: no bound is taken from it."""
+    """The ball's centre is of no use here, and no bound is taken from it."""
     inner, outer = lines((0, -0.4), (0.3, -0.4), (0.3, 0.4), (0, 0.4)), ball(1.0)
     found = engine.distance(outer, turn(0.4), inner, turn(1.0))
     assert found.lower - ROUND <= 0.5 <= found.upper + ROUND
@@ -77,7 +77,7 @@ def test_a_ball_around_another_solid_is_searched_as_any_other():
 @pytest.mark.parametrize("gap", [1e-3, 1e-9, 1e-12, 1e-14, 0.0])
 @pytest.mark.parametrize("name", ["bore", "cylinder", "torus", "ball"])
 def test_a_ball_that_almost_touches_takes_one_bound(name, gap):
-    """Outside another solid or inside it, as a ball in the tube of a torus or in a larger ball."""
+    """The ball is outside the other solid or inside it, as in a torus's tube or a larger ball."""
     holder = ball(0.7) if name == "ball" else HELD[name][0]
     rng, looked = np.random.default_rng(8), 0
     for _ in range(20):
@@ -123,7 +123,7 @@ QUARTERS = (
 
 
 def test_no_point_of_a_circle_is_beyond_its_radius():
-    """By exact sums of fractions, for quarters of degree 2 and 3, of spheres and of tori."""
+    """The oracle is exact sums of fractions, for quarters of degree 2 and 3, of both kinds."""
     rng = np.random.default_rng(7)
     for k in range(40):
         split, size = rng.uniform(0.3, 0.7), 10.0 ** rng.uniform(-3, 3)

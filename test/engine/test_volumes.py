@@ -12,7 +12,7 @@ from proximity_monitor.engine.models.tree import check_tree
 
 KINDS = ("rss", "lss", "pss", "hybrid", "obb", "aabb")
 WIDTH, FIELDS = 16, 12
-"""Lanes of a node, and numbers of a lane: field f of lane k stands at f * WIDTH + k."""
+"""Lanes of a node, and numbers of a lane. Field f of lane k is at f * WIDTH + k."""
 EMPTY = -(2**31)
 
 
@@ -25,7 +25,7 @@ def scaled(mesh, factor, shift=0.0):
 
 
 def needles(count):
-    """Triangles with an aspect of a million, some of them of no area at all."""
+    """Return triangles with an aspect ratio of a million, some of them without area."""
     rng = np.random.default_rng(5)
     start = rng.normal(size=(count, 3))
     along = rng.normal(size=(count, 3))
@@ -35,7 +35,7 @@ def needles(count):
 
 
 def rod(seed):
-    """Points in a box of 20 × 1 × 1: what a line swept sphere is for."""
+    """Return points in a box of 20 × 1 × 1, the case for which line swept spheres are made."""
     mesh = soup(seed, 300, 0.1)
     return engine.TriangleMesh(mesh.vertices * (20.0, 1.0, 1.0), mesh.faces)
 
@@ -86,8 +86,8 @@ def engine_parts():
 
 
 def same(first, second, size):
-    """Two exact answers about models of that size agree but for rounding."""
-    # Three times what a distance may err by (POINT_MARGIN), once for each answer and for the path.
+    """Check that two exact answers about models of that size agree but for rounding."""
+    # Three times the error of a distance (POINT_MARGIN): for each answer and for the search path.
     assert abs(first.upper - second.upper) <= 100.0 * 2.0**-53 * size
     assert (first.upper == 0.0) == (second.upper == 0.0)
     assert first.lower <= second.upper
@@ -118,7 +118,7 @@ def test_rectangles_are_the_default():
 
 
 def cores(mesh):
-    """How many sides each volume's core has: half lengths that are not zero."""
+    """Return how many sides each volume's core has: the number of nonzero half lengths."""
     lanes = mesh._hierarchy.tree.nodes.reshape(-1, FIELDS, WIDTH)
     used = mesh._hierarchy.tree.children.reshape(-1, WIDTH) != EMPTY
     return (lanes[:, 10:] > 0.0).sum(axis=1)[used]
@@ -144,7 +144,7 @@ def test_each_kind_has_the_core_of_its_name():
     ],
 )
 def test_hybrids_choose_by_a_factor_of_two(size, edges):
-    """Section 4.2 of the paper; the first volume is the one around the whole model."""
+    """See section 4.2 of the paper. The first volume is the one around the whole model."""
     rng = np.random.default_rng(7)
     corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
     corners = 0.5 * corners * size @ pose(rng)[:3, :3].T
@@ -156,7 +156,7 @@ def root_radius(mesh):
 
 
 def test_a_point_swept_sphere_is_the_smallest_one():
-    """Of a regular tetrahedron, a cube, a long and an obtuse triangle, and a ball of points."""
+    """The points: a regular tetrahedron, a cube, a long and an obtuse triangle, a ball."""
     tetrahedron = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]], dtype=float)
     shapes = [
         (tetrahedron, np.sqrt(3.0)),
@@ -171,13 +171,13 @@ def test_a_point_swept_sphere_is_the_smallest_one():
 
 
 def test_no_ball_of_other_centre_is_smaller():
-    """The smallest ball is the only one: from any other centre some point is farther away."""
+    """The smallest ball is unique: from any other centre some point is farther away."""
     rng = np.random.default_rng(8)
     for size in (2, 3, 4, 5, 10, 100):
         points = rng.normal(size=(size, 3))
         radius = root_radius(of(engine.points(points), "pss"))
         centre = points.mean(axis=0)
-        for step in np.geomspace(1.0, 1e-5, 4000):  # a slow descent, of its own making
+        for step in np.geomspace(1.0, 1e-5, 4000):  # a slow descent, independent of the engine
             away = np.linalg.norm(points - centre, axis=1)
             centre += step * 0.1 * (points[away.argmax()] - centre)
         assert radius <= np.linalg.norm(points - centre, axis=1).max() * (1.0 + 1e-5)
@@ -289,7 +289,7 @@ def test_a_core_of_another_kind_is_found(kind, field):
 @pytest.mark.parametrize("factor", [1.0 + 1e-5, 1.0 - 1e-5, 2.0, 0.0, np.nan])
 @pytest.mark.parametrize("axis", [3, 6])
 def test_an_axis_that_is_no_unit_vector_is_found(axis, factor, kind):
-    """A projection onto it is as long as the half lengths suppose."""
+    """Half lengths suppose that projections onto an axis keep their length."""
 
     def change(lanes):
         lanes[1, axis : axis + 3, 1] *= np.float32(factor)
@@ -323,6 +323,6 @@ EIGHT = [
 
 @pytest.mark.parametrize(("points", "least"), [(SEVEN, 3.0**0.5), (EIGHT, 2.503996805109784)])
 def test_a_sphere_around_points_is_hardly_larger_than_need_be(points, least):
-    """Four of them lie in a plane, through which there is a sphere only by chance."""
+    """Four of the points lie in one plane; only by chance is there a sphere through them."""
     tree = engine.points(np.array(points, float), volume="pss")._hierarchy.tree
     assert least <= tree.nodes[int(RADIUS)] * tree.scale[0] <= 1.002 * least

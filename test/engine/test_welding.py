@@ -1,4 +1,4 @@
-"""What lies on other things counts once for the nearest, in full where all are asked for."""
+"""Coincident triangles: searches for the nearest see one; manifolds and contacts list all."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def test_vertices_of_one_place_are_found():
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
 def test_vertices_on_a_grid_are_spread_over_the_table(axis):
-    """Of whole numbers the upper bits alone differ: a weak hash puts them all in one slot."""
+    """Whole numbers differ in the upper bits alone: a weak hash puts them all in one slot."""
     count = 4096
     vertices = np.zeros((count, 3))
     vertices[:, axis] = np.arange(count)
@@ -49,7 +49,7 @@ def test_vertices_on_a_grid_are_spread_over_the_table(axis):
 
 
 def again(mesh, times, name="again"):
-    """The same mesh, each face drawn so many times: turned, turned over, with its own corners."""
+    """Return the mesh with each face drawn `times` times: turned, flipped, with own corners."""
     faces = np.concatenate([np.roll(mesh.faces, k, axis=1) for k in range(times)])
     faces[len(mesh.faces) :: 3] = faces[len(mesh.faces) :: 3, ::-1]
     corners = mesh.vertices[faces].reshape(-1, 3)
@@ -58,7 +58,7 @@ def again(mesh, times, name="again"):
 
 
 def seen(mesh):
-    """The triangles, in tree order, that a search for the nearest may reach."""
+    """Return the triangles, in tree order, that a search for the nearest may reach."""
     radii = mesh._hierarchy.distinct.nodes.reshape(-1, FIELDS, WIDTH)[:, 9]
     children = mesh._hierarchy.distinct.children.reshape(-1, WIDTH)
     found, nodes = [], [0]
@@ -111,7 +111,7 @@ def made_for(answer):
 
 @pytest.mark.parametrize("volume", ["rss", "obb"])
 def test_coincident_points_are_compared_once(volume):
-    """Eight thousand against as many: each pair of them is as near as every other."""
+    """Eight thousand points against as many: all pairs are equally near."""
     a = engine.points(np.zeros((8000, 3)), volume=volume)
     b = engine.points(np.tile([0.3, 0.4, 0.0], (8000, 1)), volume=volume)
     found = engine.distance(a, IDENTITY, b, translation(2.7, 3.6, 0.0))
@@ -134,7 +134,7 @@ def test_a_mesh_that_is_drawn_ten_times_takes_as_long_as_one():
 
 @pytest.mark.parametrize("order", ["depth_first", "priority", "breadth_first"])
 def test_a_manifold_lists_all_of_them(order):
-    """Also by a Pair that has just looked at one of each."""
+    """A Pair lists all of them, too, even if it has just searched one of each."""
     rng = np.random.default_rng(3)
     a, b = again(sphere(0), 3), again(box(), 2)
     pair = engine.Pair(a, b)
@@ -160,7 +160,7 @@ def test_contacts_are_all_of_them():
 
 @pytest.mark.parametrize("volume", ["rss", "obb"])
 def test_what_comes_apart_is_looked_at_again(volume):
-    """Twins that part, all or one, and meet again; edges that were common by place alone tear."""
+    """Coincident triangles part, all or one, and meet again. Edges common by place alone tear."""
     rng = np.random.default_rng(4)
     mesh, ball = of(again(torus(12), 3), volume), sphere(2)
     whole = mesh.vertices
@@ -181,7 +181,7 @@ def test_what_comes_apart_is_looked_at_again(volume):
 
 
 def test_a_wall_between_two_solids_counts_from_either_side():
-    """Two boxes share a wall, drawn in either direction; between them they are one solid."""
+    """Two boxes share a wall, drawn in both directions. Together they are one solid."""
     cube = box((1.0, 1.0, 1.0))
     reach = cube.vertices.max(axis=0)[0]
     mirrored = cube.vertices * (-3.0, 1.0, 1.0)

@@ -16,7 +16,7 @@ A, B = sphere(3), torus(24)
 
 
 def placed(seed, count=40):
-    """Random poses, apart and crossing, with the exact answer."""
+    """Yield random poses, apart and crossing, with the exact answer."""
     rng = np.random.default_rng(seed)
     for _ in range(count):
         pose_a, pose_b = pose(rng, 1.0), pose(rng, 1.0)

@@ -1,4 +1,4 @@
-"""Pairs of triangles that are hard for floating point, one generator a kind."""
+"""Pairs of triangles that are hard for floating point, one generator for each kind."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def coplanar(rng: np.random.Generator) -> Pair:
 
 
 def on_a_grid(rng: np.random.Generator) -> Pair:
-    """Touching, coplanar, shared, degenerate: everything that exact coordinates can do."""
+    """Return a pair that may touch, be coplanar, shared or degenerate, with exact coordinates."""
     return rng.integers(-2, 3, (3, 3)).astype(float), rng.integers(-2, 3, (3, 3)).astype(float)
 
 
@@ -85,7 +85,7 @@ def touching(rng: np.random.Generator) -> Pair:
 
 
 def grazing(rng: np.random.Generator) -> Pair:
-    """An edge through a point of the triangle, often on its rim, moved by next to nothing."""
+    """An edge passes through a point of the triangle, often on its rim, but for a tiny shift."""
     a, b = close(rng)
     weights = rng.dirichlet((0.5, 0.5, 0.5))
     weights[rng.integers(3)] *= rng.integers(2)
@@ -95,7 +95,7 @@ def grazing(rng: np.random.Generator) -> Pair:
 
 
 def slivers(rng: np.random.Generator) -> Pair:
-    """Ten million to 1e17 times as long as high."""
+    """The triangles are 1e7 to 1e17 times as long as they are high."""
     a, b = close(rng)
     for t in (a, b):
         if rng.uniform() < 0.7:
@@ -104,7 +104,7 @@ def slivers(rng: np.random.Generator) -> Pair:
 
 
 def above_a_needle(rng: np.random.Generator) -> Pair:
-    """A corner straight above the inside of a sliver, whose plane is next to unknown."""
+    """A corner is straight above the inside of a sliver, whose plane is hardly defined."""
     along, across, up = rotation(rng)
     start = rng.normal(size=3)
     width = _small(rng, -14, -3)
@@ -115,7 +115,7 @@ def above_a_needle(rng: np.random.Generator) -> Pair:
 
 
 def zero_area(rng: np.random.Generator) -> Pair:
-    """Segments and points, with repeated or with collinear corners."""
+    """The triangles are segments and points, with repeated or collinear corners."""
     a, b = close(rng)
     for t in (a, b):
         t[:] = [t, t[[0, 0, 2]], t[[0, 1, 1]], t[[0, 0, 0]], [t[0], t[1], (t[0] + t[1]) / 2]][
@@ -125,7 +125,7 @@ def zero_area(rng: np.random.Generator) -> Pair:
 
 
 def nearly_parallel_edges(rng: np.random.Generator) -> Pair:
-    """Two edges, at an angle of 1e-16 to 0.1, that pass each other."""
+    """Two edges pass each other at an angle of 1e-16 to 0.1."""
     a, b = close(rng)
     edge = a[1] - a[0]
     across = _unit(np.cross(edge, rng.normal(size=3)))
@@ -138,7 +138,7 @@ def nearly_parallel_edges(rng: np.random.Generator) -> Pair:
 
 
 def tiny_gap(rng: np.random.Generator) -> Pair:
-    """A corner 1e-12 above a face."""
+    """A corner is 1e-12 above a face."""
     a, b = close(rng)
     normal = _unit(np.cross(a[1] - a[0], a[2] - a[0]))
     b[0] = _inside(rng, a) + 1e-12 * normal
@@ -147,9 +147,9 @@ def tiny_gap(rng: np.random.Generator) -> Pair:
 
 
 def straight_through_a_needle(rng: np.random.Generator) -> Pair:
-    """A segment whose line meets a needle, often beyond its end: signs that hang on 1e-29.
+    """A segment's line meets a needle, often beyond the segment's end: signs depend on 1e-29.
 
-    The needle's height is at the limit of doubled precision, and no coordinate of it vanishes.
+    The needle's height is at the limit of doubled precision. No coordinate of it vanishes.
     """
     up = rng.choice((-1.0, 1.0), 3) * rng.integers(1, 4, 3)
     along = np.cross(up, rng.permutation((1.0, 2.0, -1.0)))
@@ -161,7 +161,7 @@ def straight_through_a_needle(rng: np.random.Generator) -> Pair:
 
 
 def edges_that_graze(rng: np.random.Generator) -> Pair:
-    """Two edges that cross in a point, or nearly, at an angle of 1e-12 to 0.1."""
+    """Two edges cross in a point, or nearly, at an angle of 1e-12 to 0.1."""
     a, b = close(rng)
     edge = a[1] - a[0]
     through = a[0] + rng.uniform() * edge + rng.choice((0.0, 1e-16, 1e-12)) * rng.normal(size=3)
@@ -194,4 +194,4 @@ KINDS: dict[str, Callable[[np.random.Generator], Pair]] = {
         edges_that_graze,
     ]
 }
-"""Every kind by its name."""
+"""The generator of each kind, by name."""
