@@ -26,7 +26,7 @@ def box(x, y, z):
 
 
 def ball(radius, bands=12):
-    """A closed ball of meridians and parallels with its corners on the sphere."""
+    """Return a closed mesh of meridians and parallels, with its vertices on the sphere."""
     polar = np.linspace(0.0, np.pi, bands + 1)[1:-1]
     around = 2 * bands
     azimuth = np.linspace(0.0, 2.0 * np.pi, around, endpoint=False)
@@ -72,9 +72,9 @@ def on_floor(bodies, step_s=STEP_S, **forces):
 
 
 def nearest(world):
-    """The least distance of two bodies one of which moves, of the whole meshes.
+    """Return the least distance of two bodies, at least one of them moving, by their whole models.
 
-    The world's own bound of it must not be above.
+    Check that the world's own lower bound is not above it.
     """
     poses = world.poses()
     least = min(
@@ -87,7 +87,7 @@ def nearest(world):
 
 
 def run(world, seconds):
-    """Go on; return the energies and the least distance of all steps."""
+    """Run the world; return the energies and the least distance over all steps."""
     energies, least = [world.energy()], nearest(world)
     for _ in range(round(seconds / world.step_s)):
         world.step()

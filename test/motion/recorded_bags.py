@@ -33,21 +33,21 @@ def pose(position, quaternion=UPRIGHT):
 
 
 def stamped(t, position, quaternion=UPRIGHT, frame="cell"):
-    """A PoseStamped that is recorded t seconds after the bag's begin, and stamped with that."""
+    """Return t and a PoseStamped that is recorded and stamped t seconds after the bag's start."""
     return t, message(STAMPED, header(t, frame), pose(position, quaternion))
 
 
 def array(t, *positions, frame="cell"):
-    """A PoseArray; as above."""
+    """Return t and a PoseArray, as `stamped` does."""
     return t, message(ARRAY, header(t, frame), [pose(each) for each in positions])
 
 
 def write(
     path: Path, storage: StoragePlugin, compression: CompressionMode | None = None, **topics
 ) -> Path:
-    """Write a bag; each topic is a list of times and messages, or of times and bytes of none.
+    """Write a bag. Each topic is a list of times with messages, or with bytes that are no message.
 
-    The topic of `tool` is /tool. An empty one is of PoseStamped.
+    The keyword `tool` gives the topic /tool. An empty topic has the type PoseStamped.
     """
     entries = []
     bag = Writer(path, version=9, storage_plugin=storage)

@@ -50,7 +50,7 @@ def load(tmp_path):
 
 @pytest.fixture
 def taken(tmp_path):
-    """A bag that fits the scene, and the motion of it."""
+    """Return a function that writes a bag that fits the scene."""
 
     def write(storage=StoragePlugin.MCAP, tool=TOOL, fingers=FINGERS, **others):
         return bags.write(tmp_path / "taken", storage, tool=tool, fingers=fingers, **others)
@@ -112,7 +112,7 @@ def test_rate_and_seek(load, taken):
     made = load("    rate: 2\n    seek_s: 1.25\n")
     assert made.period_s == pytest.approx(1.375)
     assert made.describe() == "bag: 3 bodies, taken, 2.75 s at rate 2 in a loop"
-    # What came before the part that is left out is held, as of a latched topic.
+    # The last poses in the skipped part are held, as those of a latched topic are.
     assert places(made, 0.0) == {"tool": (2, 0, 0), "right": (0, 1, 0), "left": (0, 2, 0)}
     assert places(made, 0.2) == {"tool": (2, 0, 0), "right": (0, 3, 0), "left": (0, 4, 0)}
     assert places(made, 1.376) == places(made, 0.0)
@@ -211,7 +211,7 @@ def test_what_is_no_bag_is_refused(tmp_path, name):
 
 
 def test_stamps_of_messages_may_run_back(load, taken):
-    """As of two publishers, or a simulation that begins again; the time of receipt counts."""
+    """Two publishers cause this, or a simulation that starts again. The time of receipt counts."""
     taken(tool=[TOOL[0], (2.0, TOOL[2][1]), (3.0, TOOL[1][1])])
     made = load()
     assert places(made, 2.5)["tool"] == (3, 0, 0)
@@ -252,7 +252,7 @@ def test_time_must_be_finite(load, taken, t):
 
 @pytest.mark.parametrize("mode", [CompressionMode.FILE, CompressionMode.MESSAGE])
 def test_a_compressed_bag_is_read_by_its_folder(load, taken, tmp_path, mode):
-    """One of its files alone does not say how it is compressed; metadata.yaml alone is no bag."""
+    """One file of the bag does not say how it is compressed; metadata.yaml alone is no bag."""
     folder = taken(StoragePlugin.SQLITE3, compression=mode)
     assert load().period_s == 4.0
     file, metadata = sorted(folder.iterdir(), key=lambda each: each.name == "metadata.yaml")

@@ -1,4 +1,4 @@
-"""Deforming bodies: closed forms of the fields, the scene section, and the way to the monitor."""
+"""Deforming bodies: closed forms of the fields, the scene section, and refitted models."""
 
 import math
 
@@ -199,7 +199,7 @@ motion: {deform: {bodies: {drop: {field: morph, through: [OTHER.json], frequency
 
 
 def test_a_morph_between_files(tmp_path):
-    """The other shapes are in the unit and the scale of the body's own, and have as many points."""
+    """The other shapes have the unit and scale of the body's own, and need as many points."""
     corners = np.array([[0.0, 0], [20, 0], [30, 40], [0, 50]])
     shapes = {"rest": corners, "wide": corners * [1.5, 1], "few": corners[[0, 2, 3]]}
     for name, points in shapes.items():

@@ -1,4 +1,4 @@
-"""What is compiled for dynamics: where it is kept, and bounds that hold in exact arithmetic."""
+"""Compiled functions of dynamics: where they are kept, and bounds against exact arithmetic."""
 
 from fractions import Fraction
 
@@ -18,7 +18,7 @@ def test_it_is_kept_with_the_kernels(module):
 
 
 def exact(pose, point):
-    """Where a pose takes a point, in rational numbers."""
+    """Return the point that a pose moves a point to, in rational numbers."""
     return [
         sum(Fraction(pose[i, k]) * Fraction(point[k]) for k in range(3)) + Fraction(pose[i, 3])
         for i in range(3)

@@ -8,16 +8,16 @@ from proximity_monitor.motion.dynamics import ContactLaw, Forces, RigidBody, Wor
 
 MARGIN = IMPULSE.margin
 LEAST = MARGIN / 8.0
-"""No state has surfaces nearer than that."""
+"""In no state are surfaces nearer than this."""
 
 
 def gained(energies):
-    """The most that the energy rose from one step to the next, joules."""
+    """Return the largest rise of the energy from one step to the next, joules."""
     return np.diff(energies).max()
 
 
 def rounding(energies):
-    """What a single step may add: a billionth of the energy, where a body has no motion to pay."""
+    """Return what one step may add, a billionth of the energy, if no motion can pay for it."""
     return 1e-9 * np.abs(energies).max()
 
 
@@ -36,7 +36,7 @@ def test_a_box_comes_to_rest_and_stays(forces):
 
 @pytest.mark.parametrize("slope", [0.28, 0.32])
 def test_friction_holds_a_box_below_its_angle_and_brakes_it_above(slope):
-    # Gravity leans in place of the floor: tan(angle) = slope, friction 0.3.
+    # Gravity is tilted instead of the floor: tan(angle) = slope, friction 0.3.
     angle = np.arctan(slope)
     pull = G * np.array([np.sin(angle), 0.0, -np.cos(angle)])
     body = moving(box(0.3, 0.2, 0.05), at((0.0, 0.0, 0.025 + MARGIN)))
@@ -88,7 +88,7 @@ def test_restitution_is_the_share_of_the_speed_that_is_kept():
         if heights:
             heights[-1] = max(heights[-1], world.state.centre[0, 2])
     assert len(heights) == 2
-    # The first bounce, turned round within a step of the surface: v h above it at most.
+    # The ball may turn round within one step of the surface, so at most v h above it.
     low = 0.05 + MARGIN
     drop, room = 0.5 - MARGIN, STEP_S * np.sqrt(2.0 * G * 0.5)
     assert heights[0] - low == pytest.approx(0.36 * drop, abs=room)
@@ -129,7 +129,7 @@ def test_a_stack_stands():
     boxes = [moving(box(0.1, 0.1, 0.1), at((0, 0, z)), name=f"box_{z}") for z in heights]
     world = on_floor(boxes, friction=0.5)
     energies, least = run(world, 2.0)
-    assert gained(energies) <= 1e-6 * energies[0]  # what a sweep too few leaves
+    assert gained(energies) <= 1e-6 * energies[0]  # what sweeps that end early leave
     assert energies.max() <= energies[0] * (1.0 + 1e-6)
     assert least >= LEAST
     assert np.abs(world.state.centre[:3, 2] - heights).max() < 3 * MARGIN
@@ -170,7 +170,7 @@ def test_a_penalty_holds_a_box_on_springs():
     body = moving(box(0.1, 0.2, 0.1), at((0.0, 0.0, 0.06)))
     world = on_floor([body], contacts=law)
     energies, least = run(world, 1.0)
-    # Springs are as good as a step is short beside their period.
+    # The shorter a step is beside the springs' period, the better they keep the energy.
     assert gained(energies) <= 1e-3 * energies[0]
     assert energies.max() <= energies[0] * (1.0 + 1e-9)
     assert least >= law.margin / 32.0

@@ -247,7 +247,7 @@ def test_touching_bodies_are_refused_with_the_file(tmp_path):
 
 
 def linked(first, second):
-    """Gauss's linking number of the middle circles of two rings: 1 or -1 where they interlock."""
+    """Return Gauss's linking number of the centre circles of two rings: 1 or -1 if interlocked."""
     angle = np.linspace(0.0, 2.0 * np.pi, 120, endpoint=False)
     circle = 0.05 * np.stack((np.cos(angle), np.sin(angle), 0.0 * angle), axis=1)
     tangent = np.stack((-np.sin(angle), np.cos(angle), 0.0 * angle), axis=1)
@@ -286,5 +286,5 @@ def test_the_bundled_torus_falls_through_the_other_onto_the_floor():
         least = min(least, nearest(made.world))
     assert heights[0] == pytest.approx(1.2)
     assert -1.6 < heights[-1] < -1.0  # below the lumpy one, on the floor
-    assert np.ptp(heights[-10:]) < 0.05  # it lies, and rocks no more than a little
+    assert np.ptp(heights[-10:]) < 0.05  # it lies, and rocks only a little
     assert least > 0.0

@@ -71,7 +71,7 @@ def test_without_gravity_nothing_falls():
 
 
 def test_a_tumbling_box_keeps_energy_and_angular_momentum():
-    # About the middle axis, where rotation is unstable and the body flips over and over.
+    # A spin about the middle axis is unstable: the body flips over and over.
     world = World([moving(box(*SIZE), np.eye(4), spin=(0.01, 9.0, 0.02))], Forces(), STEP_S)
     energy, (_, momentum) = world.energy(), world.momentum()
     turned = []
@@ -84,7 +84,7 @@ def test_a_tumbling_box_keeps_energy_and_angular_momentum():
 
 
 def test_a_symmetric_top_precesses_at_its_closed_form():
-    # The axis of a square prism goes round L at |L| / I, with I across the axis.
+    # The axis of a square prism precesses about L at |L| / I, with I the inertia across the axis.
     def error(step_s):
         world = World(
             [moving(box(0.2, 0.2, 0.05), np.eye(4), spin=(2.0, 0.0, 6.0))], Forces(), step_s

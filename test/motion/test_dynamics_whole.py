@@ -1,4 +1,4 @@
-"""Bodies that dynamics asks whole: curved ones, which rest on several contacts, and soft ones."""
+"""Bodies searched whole by dynamics: curved ones, which rest on several contacts, and soft ones."""
 
 import dataclasses
 import math
@@ -38,7 +38,7 @@ def test_what_is_curved_is_one_piece_and_what_is_flat_is_cut():
     flat = on_floor([]).bodies[0].model
     assert len(cut(flat).models) == 12
     assert cut(flat, deforming=True).models == [flat]
-    ball = shapes.sphere(0.1)  # a point that a ball sweeps: its triangles only look like it
+    ball = shapes.sphere(0.1)  # a swept point; its triangles are only a picture
     assert cut(ball).models == [ball]
 
 
@@ -89,7 +89,7 @@ def test_bodies_of_either_kind_rest_where_a_surface_may_be_off(thing, low, of_bo
     world = World([body, floor], Forces(DOWN, IMPULSE, friction=0.3), STEP_S)
     for _ in range(12):
         world.step()
-        left = nearest(world) - 2.0 * away  # the upper bound has the deviations on top
+        left = nearest(world) - 2.0 * away  # the upper bound includes the deviations
         assert left > 0.0
     assert left < 1.5 * MARGIN
     assert world.stops == 0
@@ -97,7 +97,7 @@ def test_bodies_of_either_kind_rest_where_a_surface_may_be_off(thing, low, of_bo
 
 
 def test_a_ring_that_fell_aslant_lies_on_either_side():
-    """One pair of nearest points a pair of bodies is found; those before stay."""
+    """A search finds one pair of nearest points per pair of bodies; earlier contacts stay."""
     ring = moving(torus(0.05, 0.008), at((0.0, 0.0, 0.07), (1, 0.3, 0), 0.8))
     plate = RigidBody("plate", disc(0.5, 0.02), at((0.05, 0.02, 0.0)))
     world = World([ring, plate], Forces(DOWN, IMPULSE, friction=0.3), STEP_S)
@@ -118,7 +118,7 @@ def test_a_ring_that_fell_aslant_lies_on_either_side():
 
 
 def found_at(*rows):
-    """What is seen of three pairs, with a contact of each row (pair, number, x)."""
+    """Return what is seen of three pairs, with a contact for each row (pair, number, x)."""
     pair, number, x = np.array(rows, dtype=float).reshape(-1, 3).T
     points = np.zeros((len(x), 2, 3))
     points[:, :, 0] = x[:, None]
@@ -130,7 +130,7 @@ def found_at(*rows):
 
 
 def test_a_step_that_failed_is_tried_again_with_what_it_met():
-    """Of pairs that came too near, and are searched whole, contacts that were not known."""
+    """It learns new contacts of pairs that came too near and are searched whole."""
     memory = Memory(np.array([True, True, False]), np.full(3, 0.01), MARGIN)
     before = found_at((0, 7, 0.0))
     failed = found_at((0, 7, 0.0), (0, 8, 0.05), (1, 9, 0.1), (2, 10, 0.2))
@@ -139,10 +139,10 @@ def test_a_step_that_failed_is_tried_again_with_what_it_met():
     assert learnt.local[:, 0, 0].tolist() == [0.0, 0.05]
     nothing = memory.learn(before, failed, np.zeros(3, bool))
     assert nothing is before
-    # Searched again where the step began, the pair has its nearest points and those of the failure.
+    # Searched again at the start of the step, the pair has its nearest points and the learnt ones.
     fields = [np.array(column) for column in (*before.contacts, before.local)]
     older = memory.join(tuple(fields), (learnt.contacts, learnt.local), np.full(3, 3 * MARGIN))
-    assert fields[4][:, 2].tolist() == [7]  # at the same place, under the number that it had
+    assert fields[4][:, 2].tolist() == [7]  # the contact at the same place keeps its number
     assert older[4][:, 2].tolist() == [8]
 
 
@@ -151,7 +151,7 @@ def test_a_plate_that_grows_lifts_what_lies_on_it():
     rest = plate.control_points
 
     def shape(t):
-        """Its top rises by 1.2 mm in 0.4 s, and stays."""
+        """Return the control points: the top rises by 1.2 mm in 0.4 s, then stays."""
         return rest + [0.0, 0.0, 0.003 * min(t, 0.4)] * (rest[:, 2:] > -0.5 * thick)
 
     ring = moving(torus(0.05, 0.008), at((0.0, 0.0, 0.0083)))
@@ -200,11 +200,11 @@ def test_the_bundled_solid_rings_fall_and_lie_in_the_tray():
     for t in np.arange(0.05, 0.5, 0.05):
         poses = made.poses(t)
         assert made.world.clearance() > 0.0
-        # The shape is that of the simulated time, as the poses are; the scene's model is not used.
+        # Shape and poses are of the simulated time. The model of the scene is not deformed.
         grown = math.exp(0.05 * math.sin(0.5 * math.pi * made.world.time_s))
         assert made.control_points(t)["ring_4"] == pytest.approx(grown * rest, abs=1e-15)
     assert models["ring_4"].revision == 0
-    # Where rings meet a body in two places none hangs in the air; a few stops are for the impact.
+    # Rings that meet a body in two places do not hang in the air; the impact may cause a few stops.
     assert made.world.stops <= 5
     assert made.world.energy() < 3.0
     for name in names:

@@ -1,4 +1,4 @@
-"""A scene's motion section becomes a motion, in SI units whatever the file's."""
+"""A scene's motion section becomes a motion, in SI units whatever the file's unit."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Constant-twist paths against what a screw motion is: arcs, helices, and a series of its own."""
+"""Constant-twist paths against screw motions: arcs, helices, and an independent power series."""
 
 import math
 
@@ -25,7 +25,7 @@ def quaternions(draw):
 
 @st.composite
 def walks(draw):
-    """Key poses at 0, 1, 2, ... seconds."""
+    """Draw a path through key poses at 0, 1, 2, ... seconds."""
     count = draw(st.integers(2, 5))
     positions = np.array([draw(vectors) for _ in range(count)])
     return screw.through(
@@ -41,7 +41,7 @@ def at(path, t):
 
 
 def keys(*poses, times=None):
-    """The path through pairs of a position and a quaternion."""
+    """Return the path through pairs of a position and a quaternion."""
     positions, turns = (np.array(each, dtype=float) for each in zip(*poses, strict=True))
     times = np.arange(len(poses)) if times is None else times
     return screw.through(np.array(times, dtype=float), positions, turns)
@@ -60,7 +60,7 @@ def assert_rigid(pose):
 
 
 def exponential(turn, way):
-    """Exp of the twist (turn, way) by its power series, after halving it until that converges."""
+    """Return exp of the twist (turn, way) by its power series, halved first to a norm below 1/2."""
     x, y, z = turn
     twist = np.zeros((4, 4))
     twist[:3, :3] = [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]
@@ -100,7 +100,7 @@ def test_a_piece_ends_where_the_next_begins(path):
 @moderate
 @given(walks(), st.floats(0.0, 0.5), st.floats(0.0, 0.5))
 def test_equal_times_make_equal_motions(path, begin, span):
-    """Of the twist: what a body does in its own frame depends on the time that it took alone."""
+    """The twist is constant: motion in the body's own frame depends on the time span alone."""
     first, second = at(path, 0.0), at(path, span)
     third, fourth = at(path, begin), at(path, begin + span)
     done, again = np.linalg.solve(first, second), np.linalg.solve(third, fourth)
@@ -182,14 +182,14 @@ def test_close_to_half_a_turn_it_takes_the_shorter_way(short):
 
 @pytest.mark.parametrize("half", [1e-3, 1e-8, 1e-16, 1e-160, 1e-308, 5e-324])
 def test_a_tiny_turn_about_a_far_point_is_as_good_as_any(half):
-    """Half the angle about (1, 1, 0); the way is long, so the point it turns about is far off."""
+    """The turn about (1, 1, 0) is tiny and the way long, so the centre of rotation is far off."""
     turn = np.array([half, half, 0.0, 1.0])
     turn /= np.linalg.norm(turn)
     path = keys(((0, 0, 0), (0, 0, 0, 1)), ((3, -4, 5), turn))
     angle = 2.0 * math.atan2(math.hypot(turn[0], turn[1]), turn[3])
     pose = at(path, 0.5)
     assert_rigid(pose)
-    # The sagitta of an arc whose chord is the way across the axis.
+    # The place is off the chord by the sagitta; the chord is the way across the axis.
     along = np.array([-0.5, -0.5, 0.0])
     chord = np.array([3.0, -4.0, 5.0]) - along
     aside = np.cross(chord, [math.sqrt(0.5), math.sqrt(0.5), 0.0])

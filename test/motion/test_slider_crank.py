@@ -1,4 +1,4 @@
-"""The slider-crank against the triangle of throw, rod and slide, solved another way."""
+"""The slider-crank against the triangle of throw, rod and slide, solved by bisection."""
 
 import math
 
@@ -29,7 +29,7 @@ def mechanism(**changes):
 
 
 def oblique(**changes):
-    """The same in a frame where no direction is an axis."""
+    """Return the mechanism in a frame where none of its directions is a coordinate axis."""
     axis = np.array([1.0, 2.0, -2.0]) / 3.0
     slide = np.array([2.0, 1.0, 2.0]) / 3.0
     pistons = {
@@ -40,7 +40,7 @@ def oblique(**changes):
 
 
 def in_line(angle):
-    """Height of the wrist pin above the crank's centre, by bisection on the rod's length."""
+    """Return the wrist pin's height above the crank's centre, by bisection on the rod's length."""
     pin = RADIUS * np.array([math.sin(angle), math.cos(angle)])
     low, high = pin[1], pin[1] + ROD
     for _ in range(80):
@@ -67,8 +67,8 @@ def test_the_turning_crankpin_keeps_its_distance_from_the_wrist_pin(make, speed)
     start = made.poses(0.0)
     crank = start["crankshaft"]
     for name in ("piston_1", "piston_2"):
-        # Where the pin sits in the crank's model: on the line from the axis to the wrist pin at
-        # angle 0, on this side of it for phase 0 and on the other for half a turn.
+        # The pin's place in the crank's model: on the line from the axis to the wrist pin at
+        # angle 0, towards the wrist pin for phase 0 and away from it for half a turn.
         along = start[name][:3, 3] - crank[:3, 3]
         axis = np.array([1.0, 0, 0]) if make is mechanism else np.array([1.0, 2.0, -2.0]) / 3.0
         upward = along - (along @ axis) * axis

@@ -1,6 +1,6 @@
 """A monitor in a process of its own, and a peer that talks to it over DDS.
 
-Nothing here sleeps: whoever waits spins the peer until a condition holds or a deadline passes.
+Nothing here sleeps: every wait spins the peer until a condition holds or a deadline passes.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ APART = {"ball": (0.0, 0.0, 0.5), "die": (0.8, 0.1, 0.9)}
 
 @pytest.fixture(scope="session", autouse=True)
 def domain(ros_environment):
-    """All of this folder takes place in it."""
+    """Run all tests of this folder in one ROS domain."""
 
 
 @pytest.fixture(scope="session")
@@ -125,14 +125,14 @@ class Peer:
         return message
 
     def publish(self, **poses):
-        """Publish a position, a position and a quaternion, or a message, for each body."""
+        """Publish each body's pose: a position, a position and a quaternion, or a message."""
         for name, pose in poses.items():
             if isinstance(pose, tuple):
                 pose = self.pose(*pose) if len(pose) == 2 else self.pose(pose)
             self._publishers[name].publish(pose)
 
     def publish_array(self, *positions, frame="cell"):
-        """Publish positions of all moving bodies, in the scene's order, as one moment."""
+        """Publish positions of all moving bodies, in the scene's order, in one message."""
         from geometry_msgs.msg import PoseArray
 
         message = PoseArray(poses=[self.pose(position).pose for position in positions])
@@ -141,7 +141,7 @@ class Peer:
         self._array.publish(message)
 
     def hold(self, **positions):
-        """Go on publishing these poses, and no others, whenever someone waits."""
+        """From now on, publish these poses, and no others, whenever the peer waits."""
         self.held = positions
 
     def call(self, kind, name, request):
@@ -150,10 +150,10 @@ class Peer:
         return future.result()
 
     def client(self, kind, name):
-        """A client of the monitor's service, of which that has heard.
+        """Return a client of the monitor's service after the server has discovered it.
 
-        An answer to a client that the server has not heard of yet is lost. It hears of clients in
-        the order in which they were made, so one that is made later is asked until it is answered.
+        A server's answer to a client that it has not discovered yet is lost. It discovers clients
+        in the order of their creation, so a second, later client is called until it is answered.
         """
         from rcl_interfaces.srv import GetParameters
 
@@ -174,7 +174,7 @@ class Peer:
         return self._clients[name]
 
     def change(self, *transitions):
-        """Ask for transitions, by their numbers; return whether all of them were made."""
+        """Request transitions by their ids; return whether all of them succeeded."""
         from lifecycle_msgs.msg import Transition
         from lifecycle_msgs.srv import ChangeState
 
@@ -222,7 +222,7 @@ class Peer:
         self.since = self.node.get_clock().now().nanoseconds * 1e-9
 
     def alerts(self, pair):
-        """The alerts of a pair that were given since the last `forget`, whenever they arrived."""
+        """Return the alerts of a pair whose stamp is later than the last `forget`."""
         return [
             status
             for status in self.received.get("alerts", ())
@@ -231,12 +231,12 @@ class Peer:
         ]
 
     def next(self, topic, timeout_s=DEADLINE_S):
-        """The next message of a topic that is published from now on."""
+        """Wait for the next message that arrives on a topic, and return it."""
         self.received.pop(topic, None)
         return self.wait(lambda: self.last(topic), f"a message on {topic}", timeout_s)
 
     def marks(self):
-        """The markers of the tick whose closest points came last, or of a later one."""
+        """Wait for the markers of the tick of the last closest points, or of a later tick."""
         told = self.last("closest_points").header.stamp
 
         def come():
@@ -247,7 +247,7 @@ class Peer:
         return self.wait(come, "the markers")
 
     def pairs(self, message=None):
-        """The pairs of a closest-points message: values by key, with level and text."""
+        """Return, by pair, the values of a closest-points message, with level and text."""
         message = message or self.last("closest_points")
         return {
             status.name: {each.key: each.value for each in status.values}
@@ -256,7 +256,7 @@ class Peer:
         }
 
     def health(self, message=None):
-        """The values of a diagnostics message by task, with level and text."""
+        """Return, by task, the values of a diagnostics message, with level and text."""
         message = message or self.last("diagnostics")
         return {
             status.name.rpartition(": ")[2]: {each.key: each.value for each in status.values}
@@ -265,7 +265,7 @@ class Peer:
         }
 
     def settle(self, **positions):
-        """Hold positions until all pairs are answered exactly for them; return the pairs."""
+        """Hold positions until each pair has a fresh, complete answer; return the pairs."""
         self.hold(**(APART | positions))
         began = self.node.get_clock().now().nanoseconds * 1e-9
 
@@ -280,7 +280,7 @@ class Peer:
 
 @pytest.fixture(scope="module")
 def shared_monitor(launch_for_all, scene_file):
-    """One monitor for all tests of a file that leave it as they found it."""
+    """One monitor that all tests of a file share. Each test restores what it changes."""
     return launch_for_all("node", scene=scene_file, pose_timeout_s=POSE_TIMEOUT_S)
 
 
@@ -293,7 +293,7 @@ def shared_peer(rclpy_context, shared_monitor):
 
 @pytest.fixture
 def peer(shared_peer):
-    """The peer of the shared monitor; all is apart and clear when a test begins."""
+    """The peer of the shared monitor. All pairs are clear when a test begins."""
     pairs = shared_peer.settle()
     assert {pair["state"] for pair in pairs.values()} == {"clear"}
     shared_peer.forget()
@@ -302,7 +302,7 @@ def peer(shared_peer):
 
 @pytest.fixture
 def impatient(peer):
-    """The same, of whose monitor a body is silent after a second."""
+    """The same peer, whose monitor calls a body silent after one second."""
     assert peer.set_parameters(pose_timeout_s=1.0) == (True, "")
     yield peer
     assert peer.set_parameters(pose_timeout_s=POSE_TIMEOUT_S) == (True, "")
@@ -310,13 +310,13 @@ def impatient(peer):
 
 @pytest.fixture(scope="module")
 def peer_for_all(rclpy_context):
-    """`new_peer` of what the tests of a file share."""
+    """Like `new_peer`, for monitors that all tests of a file share."""
     yield from _peers()
 
 
 @pytest.fixture
 def new_peer(rclpy_context):
-    """Make a peer of a monitor, in a namespace of its own."""
+    """Return a function that makes a peer of a monitor, in its own namespace."""
     yield from _peers()
 
 

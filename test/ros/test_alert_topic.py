@@ -1,4 +1,4 @@
-"""State changes on ~/alerts, with hysteresis, and the sessions' minima."""
+"""State changes on ~/alerts, with hysteresis, and the smallest clearances of a session."""
 
 import pytest
 
@@ -13,12 +13,12 @@ PAIR = "table - ball"
 
 
 def ball_at(clearance):
-    """A height at which the ball (radius 0.1, on a vertex) is about so far above the table."""
+    """Return a ball position about `clearance` (m) above the table; a vertex is lowest."""
     return (0.0, 0.0, 0.1 + clearance)
 
 
 def changes(peer):
-    """The state changes of the pair so far, as (old, new)."""
+    """Return the state changes of the pair so far, as (old, new)."""
     values = [{each.key: each.value for each in alert.values} for alert in peer.alerts(PAIR)]
     return [(each["old"], each["new"]) for each in values]
 
@@ -30,8 +30,8 @@ def test_an_approach_and_a_retreat_give_one_alert_for_each_change(peer):
     assert changes(peer) == [
         ("clear", "warn"),
         ("warn", "stop"),
-        ("stop", "warn"),  # above 20 + 10 mm only
-        ("warn", "clear"),  # above 100 + 10 mm only
+        ("stop", "warn"),  # only above 20 + 10 mm
+        ("warn", "clear"),  # only above 100 + 10 mm
     ]
 
 
@@ -54,7 +54,7 @@ def test_an_alert_says_the_way_out_and_how_long_there_is(peer):
     began = peer.node.get_clock().now().nanoseconds
 
     def sink():
-        """The ball comes down at 10 mm/s, from 105 mm: seconds pass between warn and stop."""
+        """Lower the ball at 10 mm/s from 105 mm, so that seconds pass between warn and stop."""
         now = peer.node.get_clock().now().nanoseconds
         fall = 0.01 * (now - began) * 1e-9
         pose = peer.pose(ball_at(0.105 - fall))
@@ -88,7 +88,7 @@ def test_a_level_is_held_for_its_time(holding):
     peer = holding
     peer.settle(ball=ball_at(0.05))
     peer.wait(lambda: len(changes(peer)) == 1, "the warning")
-    near_s = max(seen(peer))[0]  # of those after it, some may be lost
+    near_s = max(seen(peer))[0]  # not after the last near tick, whose message may be lost
     peer.forget()
     peer.hold(ball=ball_at(0.5), die=APART["die"])
     peer.wait(lambda: changes(peer), "its end")
@@ -101,7 +101,7 @@ def test_a_level_is_held_for_its_time(holding):
 
 
 def seen(peer):
-    """The ticks that were published so far: when, and the pair's state."""
+    """Return the time (s) and the pair's state for each tick that was received so far."""
     ticks = []
     for message in peer.received.get("closest_points", ()):
         pair = peer.pairs(message)[PAIR]

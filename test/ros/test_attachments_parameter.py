@@ -24,7 +24,7 @@ def inputs(peer):
 
 
 def attach(peer):
-    """Put the ball on the die."""
+    """Attach the ball to the die; return by how much (m) the ball is higher above the table."""
     pairs = peer.settle(ball=ON_DIE)
     assert pairs["ball - die"]["state"] == "warn"
     assert peer.set_parameters(attachments__ball="die") == (True, "")

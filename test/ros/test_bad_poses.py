@@ -1,4 +1,4 @@
-"""Poses that are wrong, late or missing: counted, reported, never fatal, and never room."""
+"""Wrong, late or missing poses: counted, reported, never fatal, and never taken as free space."""
 
 import math
 from itertools import cycle
@@ -36,7 +36,7 @@ def rejected(health, reason):
 
 @pytest.mark.parametrize("bad", [BAD, MORE, OLD], ids=["bad", "more", "old"])
 def test_a_bad_pose_is_counted_by_reason_and_never_looks_clear(peer, bad):
-    """One kind after the other, and the same again: diagnostics come once a second."""
+    """Send each kind in turn, again and again: diagnostics come only once a second."""
     pairs = peer.settle(ball=NEAR)
     assert pairs["table - ball"]["state"] == "warn"
     health = peer.health(peer.next("diagnostics"))
@@ -48,10 +48,10 @@ def test_a_bad_pose_is_counted_by_reason_and_never_looks_clear(peer, bad):
     def counted():
         nonlocal ticks
         seen = len(peer.received.get("closest_points", ()))
-        if seen >= ticks:  # ten a second: a flood would crowd out the good ones that are held
+        if seen >= ticks:  # ten a second: more would crowd out the good poses that are held
             ticks = seen + 5
             pose = peer.pose(**next(given))
-            if bad is OLD:  # older than the one that the monitor has
+            if bad is OLD:  # older than the pose that the monitor has
                 if not seen:
                     return None
                 at = int(peer.pairs()["table - ball"]["stamp"].replace(".", "")) - 1
@@ -61,7 +61,7 @@ def test_a_bad_pose_is_counted_by_reason_and_never_looks_clear(peer, bad):
         return health and all(rejected(health, reason) > n for reason, n in before.items())
 
     others = {name: p for name, p in peer.held.items() if name != "ball"}
-    if bad is not OLD:  # which needs a newer good one before it
+    if bad is not OLD:  # an old pose needs a newer good pose before it
         peer.hold(**others)
     peer.wait(counted, f"poses rejected as {', '.join(bad)}")
     seen = [peer.pairs(message)["table - ball"] for message in peer.received["closest_points"]]
@@ -93,7 +93,7 @@ def test_a_body_that_falls_silent_makes_its_pairs_stale_until_it_speaks_again(im
     peer = impatient
     peer.hold(die=(0.8, 0.1, 0.9))
 
-    def silent():  # the die as well, for a moment, where the machine is busy
+    def silent():  # on a busy machine, the die is silent for a moment as well
         states = {name: pair["state"] for name, pair in peer.pairs().items()}
         known = states and (states["table - ball"], states["table - die"]) == ("stale", "clear")
         return peer.pairs() if known else None
@@ -104,7 +104,7 @@ def test_a_body_that_falls_silent_makes_its_pairs_stale_until_it_speaks_again(im
     assert pairs["ball - die"]["state"] == "stale"
     peer.wait(lambda: peer.next("clearance").data == 0.0, "no clearance")
 
-    def reported():  # the body may be silent a tick earlier than its pairs
+    def reported():  # the body may be silent one tick before its pairs are stale
         health = peer.health()
         silent = health and health["inputs"]["silent bodies"] == "ball"
         return health if silent and health["clearance"]["pairs stale"] == "2" else None

@@ -24,7 +24,7 @@ def alone(peer):
 
 
 def test_an_array_never_shows_halves_of_two_moments(alone):
-    """Both bodies jump about together: their distance stays, whichever moment a tick sees."""
+    """Both bodies jump together, so their distance is the same at every moment a tick sees."""
     rng = np.random.default_rng(3)
     apart = alone.settle()
     true = float(apart["ball - die"]["upper_m"])
@@ -81,7 +81,7 @@ def test_without_topics_of_bodies_the_array_still_moves_them(launch, scene_file,
         "node", "-r", "__ns:=/bulk", scene=scene_file, body_topics="false", threads="2"
     )
     peer = new_peer(process, "bulk")
-    peer.hold(ball=BALL, die=DIE)  # to nobody
+    peer.hold(ball=BALL, die=DIE)  # the monitor does not subscribe to these topics
 
     def known():
         peer.publish_array(BALL, DIE)

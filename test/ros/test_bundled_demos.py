@@ -1,4 +1,4 @@
-"""Every bundled scene that this file knows runs by its one command and shows a plausible table."""
+"""Each bundled scene in `LEAST` runs by its one command and shows a plausible table."""
 
 import os
 import re
@@ -14,11 +14,13 @@ from deadlines import DEADLINE_S, START_DEADLINE_S
 pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
 
 LEAST = {
-    # By scene, a pair and the smallest clearance of its whole motion, as the scene's comment says.
+    # For each scene: a pair, its unit, and its smallest clearance in the whole motion, as the
+    # comment in the scene file says.
     "cave": ("torus - cave", "m", 0.0083),
     "peg": ("peg - block", "mm", 0.0097),
     "probe": ("tip - pebble", "mm", 0.309),
-    # 0.119; but one gear may be a tick or two ahead of the other, and a tooth moves 0.05 in each.
+    # The comment says 0.119. One gear may be a tick or two ahead of the other, and a tooth moves
+    # 0.05 mm per tick.
     "gearbox": ("pinion - wheel", "mm", 0.01),
     "turbine": ("blade_4 - shroud", "mm", 0.2489),
     "chess": ("pawn - cup", "mm", 1.109),
@@ -26,11 +28,11 @@ LEAST = {
 }
 
 TABLES = 3
-"""One a second; of the time before, as of that of a busy machine, nothing is asked."""
+"""Tables to wait for. The demo prints one a second; the time of its start is not limited."""
 
 
 def wait_for_tables(demo, log, line):
-    """Until the demo has printed a few tables with such a line in each."""
+    """Wait until `TABLES` lines of the demo's output match `line`."""
     deadline = time.monotonic() + START_DEADLINE_S
     while len(line.findall(log.read_text())) < TABLES:
         assert demo.poll() is None, log.read_text()
@@ -58,7 +60,7 @@ def test_a_bundled_scene_runs(ros_environment, tmp_path, name):
     log = tmp_path / "demo.log"
     with log.open("w") as out:
         demo = subprocess.Popen(
-            # Nobody looks at the page here: test_demo_page.py does.
+            # The page is not needed: test_demo_page.py tests it.
             [sys.executable, "-m", "proximity_monitor", "demo", "--scene", name, "--no-page"],
             env=os.environ | {"ROS_DOMAIN_ID": domain},
             stdout=out,
@@ -77,5 +79,5 @@ def test_a_bundled_scene_runs(ros_environment, tmp_path, name):
     assert "script: " in said
     summary = said.partition("Smallest clearance")[2].splitlines()
     (reached,) = [float(line.split()[-2]) for line in summary if line.startswith(f"  {pair}:")]
-    # Seen for some seconds of its motion: not nearer than it ever is, and not far off.
+    # Only some seconds of the motion are seen: never below its smallest clearance, nor far off.
     assert least <= reached < 2000.0

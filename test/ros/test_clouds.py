@@ -34,7 +34,7 @@ HOLE = (math.nan, math.nan, math.nan)
 
 
 class Sensors:
-    """A peer that publishes the camera's pose and, again and again, the clouds that it is given."""
+    """A peer that publishes the camera's pose and the clouds in `clouds`, again and again."""
 
     def __init__(self, peer):
         self.peer = peer
@@ -88,7 +88,7 @@ def sensors(launch_for_all, peer_for_all, tmp_path_factory):
 
 @pytest.fixture(autouse=True)
 def alive(sensors):
-    """Both clouds are there when a test begins, but for the first."""
+    """Restore both clouds before each test except the first."""
     if sensors.clouds:
         sensors.clouds = {"scan": [(0.3, 0.0, 0.0)], "seen": [(0.5, 0.0, 0.0)]}
         sensors.at = (0.0, 0.0, 0.0)

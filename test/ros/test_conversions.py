@@ -1,4 +1,4 @@
-"""Messages and numbers made without a running node."""
+"""Conversions between messages and numbers, tested without a running node."""
 
 import math
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Only what somebody asks for is computed and built: counted in the diagnostics."""
+"""The node computes and builds only outputs that have a subscriber; the diagnostics count them."""
 
 import pytest
 from deadlines import START_DEADLINE_S
@@ -31,7 +31,7 @@ class Listener:
 
 @pytest.mark.long
 def test_what_nobody_listens_to_is_not_built(launch, scene_file, new_peer):
-    """`quiet` talks to the first monitor, and its own namespace has no monitor at all."""
+    """`quiet` listens in a namespace without a monitor; `asked` uses its node for this one."""
     process = launch("node", "-r", "__ns:=/asked", scene=scene_file, pose_timeout_s=60.0)
     quiet = new_peer(process, "nobody")
     asked = Listener(quiet.node, "asked")

@@ -94,7 +94,7 @@ def test_the_demo_prints_what_the_monitor_publishes_and_ends_by_itself(command, 
         timeout=START_DEADLINE_S,
     )
     assert run.returncode == 0, run.stderr
-    # On a new machine it says that it compiles, and nothing else.
+    # On a new machine, stderr says that the kernels are compiled, and nothing else.
     told = run.stderr.splitlines()
     assert len(told) <= 1
     assert all(line.startswith("compiling proximity_monitor's kernels") for line in told)
@@ -102,15 +102,16 @@ def test_the_demo_prints_what_the_monitor_publishes_and_ends_by_itself(command, 
     assert "clearance [mm]" in run.stdout
     assert "% of 15 ms" in run.stdout
     assert "warn -> clear" in run.stdout
-    # The slide's face is 10 mm ahead of its origin, which comes to 100 mm; the wall begins at 120.
+    # The slide's face is 10 mm ahead of its origin. The origin reaches 100 mm, and the wall begins
+    # at 120 mm.
     summary = run.stdout.partition("Smallest clearance")[2].splitlines()
     (least,) = [float(line.split()[-2]) for line in summary if line.startswith("  wall - slide:")]
-    assert 10.0 - 1e-3 <= least < 11.0  # a busy machine misses the very moment
+    assert 10.0 - 1e-3 <= least < 11.0  # on a busy machine, ticks may miss the closest moment
 
 
 @pytest.mark.long
 def test_its_seconds_begin_with_the_first_picture(command, environment):
-    """Results come later than its seconds would be over."""
+    """The patched view drops all results for 2.5 s, longer than the 1.5 s of the demo."""
     run = subprocess.run(
         [sys.executable, "-c", LATE, command[-1]],
         env=environment,
@@ -126,7 +127,7 @@ def test_its_seconds_begin_with_the_first_picture(command, environment):
 def test_many_bodies_without_thresholds_are_played_in_bulk_and_the_nearest_listed(
     tmp_path, environment
 ):
-    """Cubes of 10 mm on one line, 20, 40, 60 ... mm from each other, that move along together."""
+    """Cubes of 10 mm on one line, their centres 20, 40, 60 ... mm apart, move together."""
     count = 12
     bodies = [
         f"  - {{name: cube_{i}, primitive: {{box: {{size: [10, 10, 10]}}}}, moving: true}}\n"
@@ -155,7 +156,7 @@ def test_many_bodies_without_thresholds_are_played_in_bulk_and_the_nearest_liste
     assert "12 bodies, 66 pairs" in run.stdout
     assert "script: 12 bodies, 9 s in a loop" in run.stdout
     shown = run.stdout.partition("Smallest clearance")[0].split("66 pairs: ")[1:]
-    # A machine that stands still for half a second makes poses stale.
+    # Skip tables with stale pairs: poses become stale if the machine stalls for half a second.
     last = [each for each in shown if each.startswith("66 clear\n")][-1].splitlines()
     title = next(i for i, line in enumerate(last) if line.startswith("  pair "))  # after warnings
     assert [line.split()[:4] for line in last[title + 1 : title + 3]] == [
@@ -188,7 +189,7 @@ def test_in_a_terminal_it_shows_a_live_table_until_a_signal_ends_it(command, env
         try:
             while part := os.read(ours, 65536):
                 shown += part
-        except OSError:  # a terminal without a program behind it
+        except OSError:  # raised when the program has closed the terminal
             pass
         assert demo.wait(START_DEADLINE_S) == 0, shown.decode()
         assert time.monotonic() - began < 15.0

@@ -1,4 +1,4 @@
-"""What the diagnostics count, without a node."""
+"""The counts in the diagnostics, tested without a node."""
 
 import math
 
@@ -25,7 +25,7 @@ def state(index, lower):
 
 
 def test_every_pair_is_counted_once_listed_or_not():
-    """One pair fell silent and is not listed, one was at warn and is held while it is far."""
+    """Pairs 1 and 3 are silent and not listed. Pair 2 was at warn and is held there while far."""
     watched = [WatchedPair(f"a{i}", f"b{i}", 0.0, 0.0, LIMITS, False, range=0.1) for i in range(5)]
     alerts, thresholds = Alerts(watched, Unit("metre", 1.0, "m")), [LIMITS] * 5
     near = [state(i, 0.005) for i in range(3)]

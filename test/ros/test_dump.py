@@ -1,4 +1,4 @@
-"""The recording's files."""
+"""The files of a recording that is dumped."""
 
 import csv
 import os
@@ -72,7 +72,7 @@ def test_a_dump_that_fails_is_an_answer_and_not_the_end(peer, tmp_path, folder):
 
 @pytest.fixture
 def slow(launch, scene_file, tmp_path, new_peer):
-    """A peer of a monitor that has tables to write and a bag that waits for the file "go"."""
+    """A peer of a monitor whose dump writes the tables and then waits for the file "go"."""
     (tmp_path / "rosbags").mkdir()
     (tmp_path / "rosbags" / "__init__.py").touch()
     (tmp_path / "rosbags" / "rosbag2.py").write_text(
@@ -96,7 +96,7 @@ def slow(launch, scene_file, tmp_path, new_peer):
 
 
 def begin(peer, folder):
-    """Ask for a dump; return what will be answered once it is being written."""
+    """Ask for a dump and wait until its tables exist; return the future of the answer."""
     answer = peer.client(Trigger, "dump_recording").call_async(Trigger.Request())
     peer.wait(lambda: list(folder.glob("written/*/alerts.csv")), "the tables")
     return answer

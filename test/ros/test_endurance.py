@@ -1,4 +1,4 @@
-"""What must not grow, and what must end: a hundred lives, and a signal in the middle of a tick."""
+"""The node's memory over a hundred lifecycle rounds, and signals during a tick or an import."""
 
 import os
 import signal
@@ -21,11 +21,12 @@ ROUND = (
     Transition.TRANSITION_CLEANUP,
 )
 GROWTH_BYTES = 11_000_000
-"""Over 75 rounds: half of what as many sessions are, with their tables, publishers and services of
-some 300 kB each. What an allocator keeps back grows by 5 MB at once, at some time, and no more."""
+"""Most growth over 75 rounds. A session, with its tables, publishers and services, takes some
+300 kB, so this is half of what 75 leaked sessions take. The memory that the allocator holds back
+grows once by 5 MB, at some time, and no more."""
 
-# Every triangle of the inner spheres is nearly as near to the outer one as any other, which makes
-# searches of seconds; the outer ones are one model.
+# All triangles of an inner sphere are almost equally near to the outer sphere, so a search takes
+# seconds. The outer spheres share one model.
 SHELLS = [f"shell_{i}" for i in range(8)]
 LARGE = (
     "solid: false, primitive: {sphere: {radius: 100, subdivisions: 7}}, pose: {position: [0, 0, 0]}"
@@ -48,7 +49,7 @@ pairs:
 
 
 FREED_BYTES = 50_000_000
-"""Of the spheres above and their search trees, which are some 120 MB."""
+"""Least memory to be freed, of some 120 MB for the spheres above and their search trees."""
 
 
 def footprint(process):
@@ -65,7 +66,7 @@ def spent(process):
 
 
 def left_behind(peer):
-    """What is in the graph of a monitor in our namespace that a configured one alone has."""
+    """Return the endpoints of our namespace's monitor that only a configured monitor has."""
     node, where = peer.node, peer.node.get_namespace()
     names = node.get_publisher_names_and_types_by_node("proximity_monitor", where)
     names += node.get_subscriber_names_and_types_by_node("proximity_monitor", where)
@@ -102,12 +103,12 @@ def test_a_hundred_lives_leave_nothing_behind(launch, scene_file, new_peer):
 
 @pytest.mark.long
 def test_what_was_there_before_the_node_was_spun_is_freed_as_well(launch, tmp_path, new_peer):
-    """`spin` takes what is there when it begins out of the collector's sight."""
+    """`spin` hides all objects that exist when it begins from the garbage collector."""
     (tmp_path / "slow.yaml").write_text(SLOW)
-    # What is larger than that goes back to the system at once, wherever it lay.
+    # Blocks larger than this go back to the system as soon as they are freed.
     environment = {"MALLOC_MMAP_THRESHOLD_": "1000000"}
     scene = tmp_path / "slow.yaml"
-    # Without the parts: what is kept of the spheres is found out as well, in a sixth of the time.
+    # Without markers: a leak of the spheres is found as well, in a sixth of the time.
     process = launch(
         "node", "-r", "__ns:=/first", scene=scene, markers="false", environment=environment
     )
@@ -123,12 +124,12 @@ def test_a_signal_in_the_middle_of_a_long_tick_ends_it_with_its_state_published(
     launch, tmp_path, new_peer
 ):
     (tmp_path / "slow.yaml").write_text(SLOW)
-    # Without the parts: seventy megabytes of them would push out what is awaited.
+    # Without markers: seventy megabytes of parts would crowd out the messages awaited here.
     process = launch("node", "-r", "__ns:=/slow", scene=tmp_path / "slow.yaml", markers="false")
     peer = new_peer(process, "slow")
     peer.wait(lambda: peer.last("closest_points"), "a tick without poses", START_DEADLINE_S)
     peer.hold(ball=(0.0, 0.0, 0.0), die=(0.0, 0.0, 0.0))
-    silent_since = {}  # seconds of processor time, by how many messages had come
+    silent_since = {}  # processor time (s) when each count of messages was first seen
 
     def computing():
         began = silent_since.setdefault(len(peer.received["closest_points"]), spent(process))
@@ -138,9 +139,9 @@ def test_a_signal_in_the_middle_of_a_long_tick_ends_it_with_its_state_published(
     peer.forget()
     code, took_s = process.stop(signal.SIGTERM)
     assert code == 0, process.text
-    # Half a second where nothing else runs; the tick would have gone on for ten.
+    # Half a second on an idle machine. Without the signal, the tick would take ten seconds.
     assert took_s < 8.0
-    peer.monitor.popen.poll = lambda: None  # that it has ended is no trouble now
+    peer.monitor.popen.poll = lambda: None  # now `wait` accepts that the process has ended
     pairs = peer.wait(peer.pairs, "what it published last")
     bounded = [pair for pair in pairs.values() if pair["status"] == "bounded"]
     assert bounded, "the search was cut, and what it knows is certified"
@@ -152,7 +153,7 @@ def test_a_signal_in_the_middle_of_a_long_tick_ends_it_with_its_state_published(
 def test_an_interrupt_while_python_imports_ends_it_without_a_traceback(
     launch, scene_file, tmp_path
 ):
-    """The launcher leaves the signal to the system; here what it imports never comes to an end."""
+    """The launcher keeps the signal's default action during imports; this import never ends."""
     endless = "import threading\nprint('importing', flush=True)\nthreading.Event().wait(600)\n"
     (tmp_path / "lifecycle_msgs.py").write_text(endless)
     path = f"{tmp_path}{os.pathsep}{os.environ.get('PYTHONPATH', '')}"

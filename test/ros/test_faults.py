@@ -1,4 +1,4 @@
-"""Sources and peers that misbehave: the node goes on, says so, and never calls it clear."""
+"""Faulty sources and peers: the node goes on, reports them, and never calls a pair clear."""
 
 import signal
 import sys
@@ -53,7 +53,7 @@ def schedule(peer):
 
 
 def at(peer, height, state):
-    """Whether the ball is clear, or stale, at a height."""
+    """Return whether the ball's pair has this state, with the ball at this height (m)."""
     pair = peer.pairs().get("table - ball")
     return (
         pair

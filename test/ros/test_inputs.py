@@ -1,4 +1,4 @@
-"""What is kept of poses, made by hand: many at once, in any layout, late, out of order."""
+"""The pose inputs, fed by hand: many poses at once, in any layout, late, out of order."""
 
 import math
 import time
@@ -40,7 +40,7 @@ def inputs():
 
 
 def kept(inputs, now_ns=10 * SECOND):
-    """Where the bodies are, by name."""
+    """Return the kept position of each body, by name."""
     return {
         name: None if sample is None else sample.pose[:3, 3].tolist()
         for name, sample in inputs.samples(now_ns).items()
@@ -222,7 +222,7 @@ def test_a_tick_may_come_half_a_period_early():
 
 
 def test_bodies_that_wake_get_no_more_ticks_than_the_rate(rclpy_context, inputs):
-    """Whenever they wake: a timer that rings for one of them is not to ring again soon after."""
+    """A body may wake at any moment. A timer that fires for it must not fire again soon after."""
     node, ticks, seconds = rclpy.create_node("ticking"), [], 2.0
 
     def tick():
@@ -236,7 +236,7 @@ def test_bodies_that_wake_get_no_more_ticks_than_the_rate(rclpy_context, inputs)
     begun, done = time.monotonic(), 0
     while (now := time.monotonic()) < begun + seconds:
         executor.spin_once(timeout_sec=0.002)
-        # All have new poses every second period; one moves from rest a fifth of a period later.
+        # Every second period all bodies get new poses. A fifth of a period later, one moves.
         while begun + 0.1 * (done // 2) + 0.01 * (done % 2) < now:
             for name in ("one",) if done % 2 else ("two", "one"):
                 x = (float((done + 1) // 2), 0.0, 0.0)
@@ -259,7 +259,7 @@ def test_a_flood_gets_no_more_ticks_than_the_rate_and_a_steady_source_gets_all()
 
 
 def cloud(points, *, kind=PointField.FLOAT64, big=False, gap=0, rows=1):
-    """A cloud with a field more than is needed, and gaps after points."""
+    """Return a cloud with an undeclared field before the coordinates and `gap` bytes after them."""
     letter = f"{'>' if big else '<'}{'f8' if kind == PointField.FLOAT64 else 'f4'}"
     size = int(letter[-1])
     record = np.dtype(
@@ -307,7 +307,7 @@ def test_clouds_that_do_not_fit_their_description_are_refused():
     lacking = cloud(POINTS)
     lacking.fields = lacking.fields[:2]
     folded = cloud(POINTS, rows=2)
-    folded.row_step = 0  # rows that lie upon each other: few bytes would be billions of points
+    folded.row_step = 0  # overlapping rows: a few bytes would describe billions of points
     for bad in (short, narrow, whole, lacking, folded):
         with pytest.raises(ValueError, match="cloud"):
             read_points(bad)
@@ -361,11 +361,11 @@ def test_a_clock_that_stands_is_told_of_while_ticks_take_all_of_the_time(monkeyp
     steady = [0.0]
     monkeypatch.setattr(still_clock.time, "monotonic", lambda: steady[0])
     clock = still_clock.StillClock(SimpleNamespace(ros_time_is_active=True))
-    for k in range(20):  # it goes on: a tick of 0.6 s is none of its time
+    for k in range(20):  # the clock advances: the 0.6 s of a tick do not count
         assert not clock.update(k, 0.5)
         steady[0] += 0.6
         clock.pardon(0.6)
-    for _ in range(40):  # it stands
+    for _ in range(40):  # the clock stands still
         clock.update(20, 0.5)
         if clock.still:
             break

@@ -1,4 +1,4 @@
-"""Joint states from topics: links stand where the joints say, and nothing bad gets through."""
+"""Joint states from topics: links stand where the joints say, and bad messages are refused."""
 
 import math
 import time
@@ -64,7 +64,7 @@ def gantry(gantry_file):
 
 
 def counting_node():
-    """A node that counts the joint states that were dealt with."""
+    """Return a node that counts the joint states that its callbacks have handled."""
     from rclpy.node import Node
     from rclpy.parameter import Parameter
 
@@ -82,7 +82,7 @@ def counting_node():
 
 
 class Bench:
-    """Joint inputs that publish to themselves; the node's clock is set by hand."""
+    """Joint inputs with a publisher that feeds them; the test sets the node's clock."""
 
     def __init__(self, scene):
         from rclpy.executors import SingleThreadedExecutor
@@ -117,7 +117,7 @@ class Bench:
         clock.set_ros_time_override(Time(nanoseconds=self.now_ns, clock_type=clock.clock_type))
 
     def tell(self, late_s=0.0, positions=None, names=None, **joints):
-        """Publish positions, stamped so many seconds ago, and wait until they were dealt with."""
+        """Publish positions, stamped `late_s` seconds ago, and wait until they were handled."""
         names = list(joints) if names is None else names
         positions = [float(value) for value in joints.values()] if positions is None else positions
         message = JointState(name=names, position=positions)
@@ -150,7 +150,7 @@ def test_links_stand_where_the_joints_say(bench):
     bench.tell(run=0.5, turn=math.pi / 2)
     assert bench.place("gantry_cart") == (0.5, 0.0, 1.0)
     assert bench.place("gantry_arm") == (0.6, 0.0, 1.0)
-    # Turned about y, the arm hangs down; the jaw's joint is where the scene file says.
+    # Turned about y, the arm hangs down. The jaw's joint is at the scene file's offset.
     assert bench.place("gantry_jaw") == (0.65, 0.0, 0.5)
     assert bench.counted() == {}
 
@@ -171,7 +171,7 @@ def test_a_joint_that_is_left_out_keeps_its_position_and_grows_old(bench):
     for step in range(1, 5):
         bench.set_time(100.0 + 0.2 * step)
         bench.tell(turn=0.1 * step)
-    # The cart has not been heard of for 0.8 s, and the arm hangs on it.
+    # The cart's joint has been silent for 0.8 s, and the arm depends on it.
     assert bench.stale("gantry_cart")
     assert bench.stale("gantry_arm")
     bench.tell(run=0.7)
@@ -181,7 +181,7 @@ def test_a_joint_that_is_left_out_keeps_its_position_and_grows_old(bench):
 
 
 def test_motion_between_two_positions_of_a_slower_joint_counts_as_a_whole(bench):
-    """The arm's pose is as old as the run's position, while the turn goes on."""
+    """The arm's pose is as old as the position of `run`, while `turn` goes on."""
     bench.tell(run=0.0, turn=0.0)
     bench.set_time(100.1)
     bench.tell(turn=0.5)
@@ -259,7 +259,7 @@ def test_after_the_clock_went_back_everything_is_heard_anew(bench):
 
 @pytest.mark.parametrize("topic", ["joint_states", "/joint_states"])
 def test_two_robots_may_share_a_topic(rclpy_context, gantry_file, tmp_path, topic):
-    """Neither counts the other's joints as unknown."""
+    """Neither robot counts the other's joints as unknown."""
     from proximity_monitor.scene import load_scene
 
     (tmp_path / "gantry.urdf").write_text(GANTRY)
@@ -291,7 +291,7 @@ def monitor(launch_for_all, gantry_file):
 
 @pytest.fixture
 def robot(new_peer, monitor):
-    """A peer of the monitor, with a driver that goes on telling the joints that are held."""
+    """A peer of the monitor, with a driver that keeps publishing the positions in `joints`."""
     peer = new_peer(monitor, namespace="/gantry")
     publisher = peer.node.create_publisher(JointState, "joint_states", 10)
     peer.joints = {}
@@ -307,7 +307,7 @@ def robot(new_peer, monitor):
 
 
 def settled(robot, lowest):
-    """Wait until the monitor knows the clearance of the arm's lowest point; return all pairs."""
+    """Wait until the arm's lower bound is `lowest` (m) and no pair is stale; return all pairs."""
 
     def near():
         pairs = robot.pairs()
@@ -325,7 +325,7 @@ def test_the_monitor_follows_the_joints(robot):
     robot.joints = {"run": 0.3, "turn": math.pi / 2}
     pairs = settled(robot, 0.5)
     assert float(pairs["floor - gantry_cart"]["upper_m"]) == pytest.approx(0.9)
-    # The jaw, 20 mm wide, hangs where the arm ends, its own joint at the scene file's 50 mm.
+    # The jaw, 20 mm wide, is at the arm's end, and its own joint at the scene file's 50 mm.
     assert float(pairs["floor - gantry_jaw"]["upper_m"]) == pytest.approx(0.49)
 
 

@@ -1,4 +1,4 @@
-"""Which moment of a motion it is, by a clock that is changed while it runs."""
+"""The clock that tells the moment of a motion, and changes of this clock while it runs."""
 
 import json
 
@@ -14,7 +14,7 @@ START = 1_700_000_000 * S
 
 @pytest.mark.parametrize("ask", ["speed", "seek", "read", "told"])
 def test_the_motion_waits_for_the_first_time_of_a_simulation(ask):
-    """With use_sim_time a clock stands at 0 until /clock is heard, and then leaps."""
+    """With use_sim_time, a node's clock stands at 0 until the first /clock message, then jumps."""
     clock = MotionClock(1.0, 3.0)
     if ask == "speed":
         clock.go_on(0, 2.0)

@@ -1,4 +1,4 @@
-"""The player in a process of its own, heard over DDS: what its scene names, and nothing else."""
+"""The player in its own process, heard over DDS: it plays what its scene names, nothing else."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ SOFT = "  - {name: bladder, SHAPE, deforming: true, moving: true}\n"
 
 @pytest.fixture
 def scene(tmp_path):
-    """Write a scene; return its file and, as anybody can make it, its motion."""
+    """Return a function that writes a scene and returns its file and its motion."""
     (tmp_path / "swing.urdf").write_text(URDF)
 
     def write(*effects, more=""):
@@ -118,7 +118,7 @@ class Listener:
         self.node.create_subscription(kind, topic, heard.append, LATCHED)
 
     def set(self, process, **values):
-        """Set a parameter of the player; return whether it agreed."""
+        """Set parameters of the player; return whether it accepted all of them."""
         client = self.node.create_client(SetParameters, "proximity_player/set_parameters")
         parameters = [Parameter(name, value=v).to_parameter_msg() for name, v in values.items()]
         self.wait(client.service_is_ready, process)
@@ -135,12 +135,12 @@ class Listener:
         return found
 
     def first(self, process, count=1):
-        """The first messages of each topic."""
+        """Wait for the first `count` messages of each topic, and return them."""
         self.wait(lambda: all(len(each) >= count for each in self.heard.values()), process)
         return {topic: each[:count] for topic, each in self.heard.items()}
 
     def topics(self, process, *least):
-        """What the player publishes of the scene, once `least` is among it."""
+        """Return the topics that the player publishes for the scene, once `least` is among them."""
 
         def published():
             try:
@@ -187,7 +187,7 @@ def seconds(header):
 
 
 def assert_same(message, pose):
-    """A Pose message against a matrix."""
+    """Check that a Pose message has the position and the x axis of a matrix."""
     p, q = message.position, message.orientation
     assert [p.x, p.y, p.z] == pytest.approx(pose[:3, 3].tolist(), abs=1e-9)
     x, y, z, w = q.x, q.y, q.z, q.w
@@ -245,7 +245,7 @@ def test_in_bulk_one_message_has_all_moving_bodies_in_the_scenes_order(scene, pl
     first, *_, last = listener.first(process, 20)["poses"]
     assert first.header.frame_id == "shop"
     assert listener.topics(process, "poses") == {f"{listener.namespace}/poses"}
-    # All of it repeats after a second; the wheel tells the time.
+    # The whole motion looks the same after one second; the wheel's angle gives the time.
     times = []
     for message in (first, last):
         ram, wheel, door = message.poses
@@ -258,7 +258,7 @@ def test_in_bulk_one_message_has_all_moving_bodies_in_the_scenes_order(scene, pl
 
 
 def angle(message):
-    """The turn about z, in turns."""
+    """Return the rotation about z, in turns."""
     turn = message.pose.orientation
     return math.atan2(turn.z, turn.w) / math.pi % 1.0
 
@@ -272,12 +272,12 @@ def test_the_motion_is_paused_resumed_and_sought_while_it_runs(scene, play, list
     listener.first(process)
 
     def moment(message, motion):
-        """The moment that what was told says for a pose's stamp."""
+        """Return the moment of the motion (s) at a pose's stamp, by the published motion."""
         passed = seconds(message.header) - motion["stamp_s"]
         return motion["moment_s"] + passed * motion["speed"]
 
     def follows(count, **expected):
-        """Whether the last told motion is the expected one, and poses came since that follow it."""
+        """Return the last published motion if it is as expected and `count` poses follow it."""
         motion, poses = json.loads(heard[told][-1].data), heard["bodies/wheel/pose"]
         since = [m for m in poses if seconds(m.header) > motion["stamp_s"]]
         if len(since) < count or any(motion[k] != pytest.approx(v) for k, v in expected.items()):
@@ -301,7 +301,7 @@ def test_the_motion_is_paused_resumed_and_sought_while_it_runs(scene, play, list
 
 
 def play_here(listener, path, moves, **parameters):
-    """Let a player of this process run to its end."""
+    """Run a player in this process to its end, and return it."""
     overrides = [
         Parameter(name, value=v) for name, v in ({"scene": str(path)} | parameters).items()
     ]

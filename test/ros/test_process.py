@@ -28,7 +28,7 @@ BROKEN = {
         "nowhere.stl",
     ),
 }
-"""Scenes, and what is told of them."""
+"""Unusable scenes, and a part of the message about each."""
 BROKEN["torn"] = (BROKEN["model"][0].replace("nowhere", "torn"), "torn.stl")
 BAD = {
     "rate_hz": -3.0,
@@ -37,7 +37,7 @@ BAD = {
     "thresholds.warn": 0.001,  # below stop
     "pairs.ball.die.stop": -1.0,
 }
-"""Parameters at start."""
+"""Bad values of parameters at start."""
 BEGIN = """
 import json, sys
 from proximity_monitor.ros.node import main
@@ -47,14 +47,14 @@ for name, given in json.loads(sys.argv[1]).items():
     code = main(["--ros-args", *arguments])
     print(f"{name} ends with {code}", file=sys.stderr, flush=True)
 """
-PROMPT_S = 15.0  # half a second where nothing else runs
+PROMPT_S = 15.0  # half a second on an idle machine
 
 
 @pytest.fixture(scope="module")
 def begun(ros_environment, scene_file, tmp_path_factory):
-    """How the node ended that was begun with each of these, and what it told; all in one process.
+    """Run the node in one process, once per scene and parameter; return code and text by name.
 
-    That its exit code is the program's, another test shows.
+    Another test shows that the program ends with this exit code.
     """
     folder = tmp_path_factory.mktemp("broken")
     (folder / "torn.stl").write_bytes(b"\x00\x01 no mesh")
@@ -156,9 +156,9 @@ def test_a_signal_ends_a_node_that_still_compiles(launch, scene_file, tmp_path, 
 
 
 def test_a_signal_at_any_moment_ends_it_with_a_line(launch, new_peer):
-    """The last ones are sent while models are read and kernels loaded, and it begins to watch.
+    """The later signals arrive while models are read, kernels are loaded or the watch begins.
 
-    One handler is behind both kinds of signal, which take turns.
+    Both kinds of signal have the same handler, so they take turns.
     """
     delays_s = (0.0, 0.1, 0.2, 0.3, 0.4, 0.8)
     kinds = 3 * (signal.SIGINT, signal.SIGTERM)
@@ -175,7 +175,7 @@ def test_a_signal_at_any_moment_ends_it_with_a_line(launch, new_peer):
                 process.popen.send_signal(kind)
         return all(at == math.inf for at in begun.values()) and len(begun) == len(processes)
 
-    peer.monitor.popen.poll = lambda: None  # that it ends is what is waited for
+    peer.monitor.popen.poll = lambda: None  # `wait` must not fail because it ends
     peer.wait(told, "all to be told to end", 180.0)
     for process, kind in zip(processes, kinds, strict=True):
         process.popen.wait(60.0)
@@ -186,7 +186,7 @@ def test_a_signal_at_any_moment_ends_it_with_a_line(launch, new_peer):
 
 
 def test_an_interrupt_that_comes_up_as_another_error_is_one_all_the_same(run):
-    """Numba's compiler and readers of files take what is raised below them for bad input."""
+    """Numba's compiler and file readers report an exception raised below them as bad input."""
     code = (
         "import signal, sys\n"
         "from proximity_monitor.ros.spin import interruptible, ros\n"
@@ -287,7 +287,7 @@ def test_simulated_time_stamps_the_results_and_may_not_stand_still(launch, scene
     def inputs():
         return peer.health().get("inputs", {"text": ""})
 
-    # As in a paused simulation, whose sources may go on.
+    # As in a paused simulation whose sources go on publishing.
     peer.wait(lambda: tell(10, {"stale"}, step_ns=0), "all to be stale as time stands still")
     assert all("no new time on /clock" in pair["text"] for pair in peer.pairs().values())
     peer.wait(
@@ -359,7 +359,7 @@ print("all is said")
 
 @pytest.mark.parametrize("how", ["raised", "swallowed"])
 def test_what_an_interrupt_cut_is_never_destroyed(ros_environment, how):
-    """The destructor of an object of LLVM crashes where its constructor or owner was cut."""
+    """The destructor of an LLVM object crashes if a signal cut its constructor or its owner."""
     run = subprocess.run(
         [sys.executable, "-c", CUT, how],
         env=ros_environment,
@@ -373,7 +373,7 @@ def test_what_an_interrupt_cut_is_never_destroyed(ros_environment, how):
 
 @pytest.mark.long
 def test_a_body_that_moves_from_rest_has_its_tick_at_once(launch, scene_file, new_peer):
-    """As one in a hand: else it would wait for the timer, or for poses of all other bodies."""
+    """Such as a body moved by hand. Otherwise it would wait for the timer or all other poses."""
     slow = {"scene": scene_file, "rate_hz": 0.5, "pose_timeout_s": 600.0}
     peer = new_peer(launch("node", "-r", "__ns:=/prompt", **slow), "prompt")
     peer.settle()
@@ -381,10 +381,10 @@ def test_a_body_that_moves_from_rest_has_its_tick_at_once(launch, scene_file, ne
     took = [math.inf]
     while min(took) >= 0.4 and len(took) < 4:  # a busy machine may delay one
         height = 0.5 + 0.1 * len(took)
-        for _ in range(2):  # two poses alike: it rests
+        for _ in range(2):  # two equal poses: the body rests
             peer.publish(ball=(0.0, 0.0, height))
             peer.next("closest_points", START_DEADLINE_S)
-        ends = time.monotonic() + 1.2  # in the latter half of a period, where it may tick at once
+        ends = time.monotonic() + 1.2  # in the second half of a period, when it may tick at once
         peer.wait(lambda ends=ends: time.monotonic() > ends, "more than half of a period")
         began = time.monotonic()
         peer.publish(ball=(0.0, 0.0, height + 0.05))

@@ -1,4 +1,4 @@
-"""What a running node publishes, against the library's own answers for the same poses."""
+"""The messages of a running node, checked against the library's answers for the same poses."""
 
 import json
 
@@ -37,7 +37,7 @@ def rgba(colour):
 
 @pytest.fixture
 def own_answers(world, as_matrix):
-    """The library's answers by pair name, for poses of the moving bodies."""
+    """Return a function that gives the library's answers by pair name, for given poses."""
     scene, models = world
 
     def answers(**held):
@@ -61,8 +61,8 @@ def test_closest_points_are_the_librarys_answers(peer, own_answers):
     assert tuple(pairs) == NAMES
     for name, own in own_answers(**NEAR).items():
         got = pairs[name]
-        # Of triangles that are exactly as near it depends on the past which are found: they differ
-        # by rounding.
+        # Several triangles may be equally near. Earlier ticks decide which one is found, so the
+        # bounds may differ by rounding.
         bounds = float(got["lower_m"]), float(got["upper_m"])
         assert bounds == pytest.approx((own.lower, own.upper), rel=1e-14, abs=0.0)
         assert vector(got["point_a"]) == pytest.approx(own.point_a, abs=1e-9)
@@ -104,7 +104,7 @@ def test_a_pair_that_is_not_clear_says_on_which_triangles_its_points_lie(peer, w
         corners = models[body].vertices[models[body].faces[int(triangle)]]
         own = np.array([float(weight) for weight in weights]) @ corners
         point = poses[body][:3, :3] @ own + poses[body][:3, 3]
-        # The ball is a point that is swept: the sphere's point lies off it by the radius.
+        # The ball is a swept point: the closest point lies off the model's point by the radius.
         away = np.linalg.norm(vector(near[f"point_{side}"]) - point)
         assert away == pytest.approx(models[body].swept_radius, abs=1e-8)
 
@@ -114,7 +114,7 @@ def test_the_cloud_of_pairs_says_in_numbers_what_closest_points_say_in_words(pee
     peer.settle(**NEAR)
 
     def both():
-        """The words and the numbers of one tick."""
+        """Return the words and the numbers of one tick."""
         told = {stamp_of(message): message for message in peer.received["closest_points"]}
         return next(((told[at], c) for c in clouds if (at := stamp_of(c)) in told), None)
 
@@ -124,7 +124,7 @@ def test_the_cloud_of_pairs_says_in_numbers_what_closest_points_say_in_words(pee
     codes = max(rows["on_a"].max(), rows["on_b"].max())
 
     def described():
-        """The scene that knows all words of that tick: it is published after them."""
+        """Return the scene once it has all words of that tick. It comes after the cloud."""
         told = json.loads(scenes[-1].data) if scenes else {"words": ()}
         return told if len(told["words"]) >= codes else None
 
@@ -162,7 +162,7 @@ def test_the_cloud_of_pairs_says_why_a_body_is_silent(impatient, listen):
     del peer.held["die"]
 
     def told():
-        """The reasons of a tick's pairs, by the numbers that the scene has words for."""
+        """Return whether the last tick gives the expected reasons, in the scene's words."""
         if not clouds or not scenes:
             return None
         rows, words = rows_of(clouds[-1]), ["", *json.loads(scenes[-1].data)["words"]]
@@ -181,7 +181,7 @@ def stamp_of(message):
 
 
 def rows_of(cloud):
-    """The points of a cloud, by its own account of its fields."""
+    """Return the points of a cloud as a structured array, by the fields that it declares."""
     kinds = {2: "u1", 4: "<u2", 5: "<i4", 6: "<u4", 8: "<f8"}
     layout = {
         "names": [field.name for field in cloud.fields],
@@ -194,7 +194,7 @@ def rows_of(cloud):
 
 @pytest.fixture
 def listen(peer):
-    """Listen to another topic of the monitor; gives the list of what has come."""
+    """Return a function that subscribes to a topic and returns the list of its messages."""
     made = []
 
     def start(kind, topic, latched=False):
@@ -217,7 +217,7 @@ def test_clearance_is_the_smallest_lower_bound(peer, own_answers):
 
 
 def test_bodies_that_overlap_are_at_stop_and_say_how_deep(peer):
-    """The ball's centre is above the table, and within: then the table's thickness is the depth."""
+    """The centre is above the table, then inside it; there the depth is the table's thickness."""
     for height, depth in ((0.05, 0.05), (-0.02, 0.1)):
         pair = peer.settle(ball=(0.0, 0.0, height))["table - ball"]
         assert (pair["status"], pair["state"]) == ("overlapping", "stop")
@@ -308,7 +308,7 @@ def test_diagnostics_count_pairs_and_time_ticks(peer):
     assert float(schedule["search_p99_ms"]) <= float(schedule["tick_p99_ms"])
     assert schedule["activity"] == "active"
     assert inputs["level"] == DiagnosticStatus.OK
-    # A machine that is too busy achieves less for seconds, and none may make it more.
+    # A busy machine achieves less for some seconds; no machine may achieve more.
     rate = peer.wait(
         lambda: (hz := float(peer.health()["schedule"]["rate_achieved_hz"])) > 25.0 and hz,
         "half the rate",

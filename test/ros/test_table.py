@@ -1,4 +1,4 @@
-"""The demo's table, of messages as the monitor makes them."""
+"""The demo's table, made from messages as the monitor builds them."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ def test_of_hundreds_of_pairs_the_nearest_are_listed():
     console = Console(width=120, height=24, record=True, file=StringIO())
     console.print(made.rich(24))
     shown = console.export_text().splitlines()
-    assert len(shown) <= 23  # a line is the cursor's
+    assert len(shown) <= 23  # one line is for the cursor
     assert any("a14 - b" in line for line in shown)
     assert any("more pairs, none of them nearer" in line for line in shown)
 
@@ -155,7 +155,7 @@ def test_there_is_nothing_to_show_before_a_rate_is_known():
 
 
 def test_a_silence_that_is_over_is_not_told_above_pairs_that_are_clear():
-    """The diagnostics come once a second, the pairs with each tick."""
+    """Diagnostics come once a second, pairs with each tick: the diagnostics may be outdated."""
     made = picture(pair(0, 0.004, 0.004))
     line = "no recent pose of a0"
     silent = told("inputs", line, DiagnosticStatus.WARN, silent_bodies="a0")

@@ -1,4 +1,4 @@
-"""Where two bodies were at one moment, by poses with unlike stamps."""
+"""The places of two bodies at one moment, from poses with different stamps."""
 
 from types import SimpleNamespace
 
@@ -59,7 +59,7 @@ def test_a_hand_that_moved_since_the_cup_s_pose_is_taken_where_it_was_then(cell)
     cell.tell("cup", 200, 7.0)
     cell.tell("hand", 100, 0.0)
     cell.tell("hand", 260, 8.0)
-    np.testing.assert_allclose(cell.attached(), (2.0, 0.0, 0.0), atol=1e-12)  # from 5 m
+    np.testing.assert_allclose(cell.attached(), (2.0, 0.0, 0.0), atol=1e-12)  # the hand was at 5 m
     assert not cell.warned
 
 
@@ -68,7 +68,7 @@ def test_a_turn_goes_on_evenly_between_the_poses(cell):
     cell.tell("cup", 200, 1.0)
     cell.tell("hand", 100, 0.0)
     cell.tell("hand", 250, 0.0, 1.5)
-    found = cell.attached()  # 1 rad back
+    found = cell.attached()  # the hand was turned by 1 rad
     np.testing.assert_allclose(found, (np.cos(1.0), -np.sin(1.0), 0.0), atol=1e-12)
 
 

@@ -1,4 +1,4 @@
-"""The tutorial as a new user follows it, and the node's page beside the node that it starts."""
+"""The tutorial, run as a new user follows it, and docs/node.md against the running node."""
 
 import os
 import re
@@ -17,12 +17,12 @@ NODE = (ROOT / "docs" / "node.md").read_text(encoding="utf-8")
 
 
 def blocks(information):
-    """The fenced blocks with this behind their three back-ticks."""
+    """Return the tutorial's fenced blocks that have this text after the opening back-ticks."""
     return re.findall(rf"^```{re.escape(information)}\n(.*?)^```", TUTORIAL, re.M | re.S)
 
 
 def rows(heading):
-    """The cells of the first table under a heading of the node's page, without their back-ticks."""
+    """Return the cells of the first table under a heading of docs/node.md, without back-ticks."""
     text = NODE.partition(f"\n## {heading}\n")[2]
     lines = re.search(r"(?:^\|.*\n)+", text, re.M)[0].splitlines()[2:]
     return [
@@ -32,7 +32,7 @@ def rows(heading):
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """The tutorial's folder, in what looks like the repository."""
+    """Make the tutorial's folder inside a stand-in for the repository."""
     root = tmp_path_factory.mktemp("repository")
     (root / "examples").symlink_to(ROOT / "examples")
     made = root / "build" / "tutorial"
@@ -42,7 +42,7 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def printed(ros_environment, launch_for_all, folder):
-    """What each command of the tutorial prints, in its order, with the node running meanwhile."""
+    """Run the tutorial's commands in order, the last two beside the node; return their output."""
     install, *commands = [block.strip() for block in blocks("sh")]
     assert install.startswith("make demo ") and install.endswith("cd build/tutorial")
     (scene,) = blocks('yaml title="cell.yaml"')
@@ -65,7 +65,7 @@ def printed(ros_environment, launch_for_all, folder):
 
     *first, demo, move = commands
     said = [_end(start(command)) for command in first]
-    # The node takes what scene:=cell.yaml means from the folder that it is started in.
+    # The tutorial starts the node in this folder, so scene:=cell.yaml means this file.
     launch_for_all("node", scene=folder / "cell.yaml")
     together = start(demo), start(move)
     return said + [_end(process) for process in together]
@@ -78,9 +78,9 @@ def _end(process):
 
 
 def test_every_command_prints_what_the_tutorial_says(printed):
-    """Each line that it shows is one, or the beginning of one; dots stand for anything.
+    """Each line that the tutorial shows begins a printed line; `...` stands for any text.
 
-    On a busy machine the pin is out of sight for a moment, and seen again: alerts may come twice.
+    On a busy machine the pin may fall silent for a moment, so alerts may come twice.
     """
     shown = [block.splitlines() for block in blocks("text")]
     assert len(printed) == 5 and len(shown) == 4
@@ -90,7 +90,7 @@ def test_every_command_prints_what_the_tutorial_says(printed):
 
 
 def test_the_tutorial_shows_every_line_but_of_the_demo(printed):
-    """On a busy machine the pin falls silent, and alerts say so that do not come on others."""
+    """On a busy machine the pin may fall silent; the tutorial does not show the alerts of this."""
     clearance, check, _, move = (block.splitlines() for block in blocks("text"))
     said = zip((printed[1], printed[2], printed[4]), (clearance, check, move), strict=True)
     for text, shown in said:
@@ -100,7 +100,7 @@ def test_the_tutorial_shows_every_line_but_of_the_demo(printed):
 
 
 def _pattern(line):
-    """What a line of the tutorial stands for."""
+    """Return the regular expression for a line of the tutorial, with any count of alerts."""
     often, told = re.fullmatch(r"\s*(1 x )?(.*)", line).groups()
     pattern = r"^\s*" + (r"\d+ x " if often else "")
     return pattern + ".*".join(map(re.escape, told.split("...")))
@@ -116,7 +116,7 @@ def peer(printed, rclpy_context):
 
 
 def _wait(peer, condition):
-    """Spin until a condition returns something."""
+    """Spin until a condition returns something true, and return that."""
     import rclpy
 
     for _ in range(int(START_DEADLINE_S / 0.05)):
@@ -127,7 +127,7 @@ def _wait(peer, condition):
 
 
 def _ends(peer, side):
-    """Types and QoS of the topics that the monitor publishes or takes in, as the page has them."""
+    """Return type and QoS of the monitor's topics on one side, in the words of docs/node.md."""
     found = {}
     for topic, _ in peer.get_topic_names_and_types():
         for end in getattr(peer, f"get_{side}_info_by_topic")(topic):
@@ -217,7 +217,7 @@ def test_parameters_of_the_player(rclpy_context, folder, printed):
 
 
 def test_what_the_diagnostics_tell():
-    """Every reason for a refused message that the page on troubleshooting names is one."""
+    """Every reason for a refused message that docs/troubleshooting.md names exists."""
     from proximity_monitor.ros.inputs import Reason
 
     page = (ROOT / "docs" / "troubleshooting.md").read_text(encoding="utf-8")

@@ -1,6 +1,6 @@
 """A robot on a vehicle: its description comes from a topic, its root moves, its joints move.
 
-One monitor serves all tests; it is started with overrides that are turned round or misspelt.
+One monitor serves all tests. Its overrides name a pair in reverse order, or are misspelt.
 """
 
 import math
@@ -73,7 +73,7 @@ def monitor(launch_for_all, hall):
 
 
 def told(monitor, text):
-    """Wait until the monitor has said something."""
+    """Wait until the monitor has printed a text."""
     deadline = time.monotonic() + 180.0
     while text not in monitor.text:
         assert time.monotonic() < deadline, monitor.text
@@ -83,7 +83,7 @@ def told(monitor, text):
 
 @pytest.fixture(scope="module")
 def description(rclpy_context, monitor):
-    """Publishes the description; before, the monitor waits, and says for what."""
+    """Publish the description; check first that the monitor waits, and says for what."""
     import rclpy
 
     wanted = "waiting for the robot description on /hall/robot_description"
@@ -101,7 +101,7 @@ def description(rclpy_context, monitor):
 
 @pytest.fixture
 def loader(new_peer, monitor, description):
-    """A peer that goes on telling where the root is and how high the fork."""
+    """A peer that keeps publishing the root's pose and the fork's height."""
     peer = new_peer(monitor, namespace="/hall")
     poses = peer.node.create_publisher(PoseStamped, "bodies/loader/pose", 1)
     joints = peer.node.create_publisher(JointState, "joint_states", 1)
@@ -124,7 +124,7 @@ def clearances(peer):
 
 
 def settled(peer, **expected):
-    """Wait until the links are so far from the wall."""
+    """Wait until the links have these clearances (m) to the wall; return all pairs."""
 
     def reached():
         found = clearances(peer)
@@ -151,7 +151,7 @@ def test_all_links_follow_the_root_and_the_joints(loader):
     settled(loader, chassis=2.6, lamp=2.95, fork=2.0)
     loader.root = ((2.0, 1.0, 0.0), RIGHT)  # it turns the fork away from the wall
     settled(loader, chassis=2.7, lamp=2.95, fork=2.95)
-    # The wall ends at 4.5 m: the fork, lifted above, is farther off than straight ahead.
+    # The wall ends at a height of 4.5 m. The fork is above it, so its clearance is diagonal.
     loader.root, loader.lift = ((2.0, 0.0, 4.0), AHEAD), 1.0
     settled(loader, chassis=2.6, lamp=2.95, fork=math.hypot(2.0, 0.45))
 
@@ -191,7 +191,7 @@ def test_an_override_that_names_nothing_is_told(loader):
 
 
 def test_a_description_that_changes_is_told(loader, description):
-    description.publish(String(data=LOADER))  # as another publisher of the same would
+    description.publish(String(data=LOADER))  # the same text, as from another publisher
     description.publish(String(data=LOADER.replace("0.8 0.6", "0.9 0.6")))
     told(loader.monitor, "the robot description on /hall/robot_description changed; the scene")
     assert loader.monitor.text.count("changed; the scene") == 1

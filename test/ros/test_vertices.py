@@ -40,13 +40,13 @@ CALLED = {"ball": "vertices", "sail": "control points", "vase": "control points"
 VASE = np.array(
     [[0, 0], [60, 0], [100, 0], [100, 60], [50, 100], [50, 140], [90, 180], [40, 190], [0, 200.0]]
 )
-"""Control points of its profile, rho and z in millimetres; its tip is 0.2 m below the deck."""
+"""Control points of the vase's profile, rho and z in mm; its tip is 0.2 m below the deck."""
 
 
 def lifted(net, height):
-    """A sail whose middle is higher by so many metres.
+    """Return a sail's control points with its middle higher by `height` metres.
 
-    Of its nine control points only the inner one is moved, which counts a quarter there.
+    Only the inner one of nine control points moves; its weight in the middle is a quarter.
     """
     made = net.reshape(3, 3, 3).copy()
     made[1, 1, 2] += 4.0 * height
@@ -54,12 +54,12 @@ def lifted(net, height):
 
 
 def turned(profile):
-    """Control points (n, 2) of a profile, rho and z in mm, in space where theta is 0, metres."""
+    """Return profile points (n, 2), rho and z in mm, as points (n, 3) in metres at theta = 0."""
     return 1e-3 * np.column_stack((profile[:, 0], np.zeros(len(profile)), profile[:, 1]))
 
 
 class Soft:
-    """A peer that publishes the ball's poses, and the vertices of whom it is asked to."""
+    """A peer that publishes the ball's poses, and the control points of each body in `shapes`."""
 
     def __init__(self, peer, rest):
         self.peer = peer
@@ -104,7 +104,7 @@ class Soft:
         return self.peer.pairs().get(name, {"state": "none", "text": ""})
 
     def wait_for_gap(self, expected, name="ball"):
-        error = 2e-3 if name == "ball" else 1e-9  # a mesh stands for the ball
+        error = 2e-3 if name == "ball" else 1e-9  # a mesh approximates the ball
 
         def told():
             pair = self.pair(PAIRS[name])
@@ -196,7 +196,7 @@ def test_a_solid_of_revolution_follows_its_profile_and_refuses_what_is_none(soft
 
 @pytest.mark.parametrize("silent", ["ball", "pillar"])
 def test_vertices_that_fall_silent_make_their_body_stale(soft, silent):
-    """Though the ball's poses go on; the pillar, which is fixed, has none."""
+    """The ball is stale although its poses go on. The pillar is fixed and has no poses."""
     soft.wait_for_gap(0.2)
     soft.shapes = {name: rest for name, rest in soft.rest.items() if name != silent}
     pair = "ball - pillar"
@@ -237,8 +237,8 @@ def test_bad_points_are_counted_by_reason_and_keep_nothing_fresh(soft, body):
     def counted():
         for reason, make in bad.items():
             if soft.rejected(reason) == before[reason]:
-                # A good one before it, which is newer than one that is out of order; each is read
-                # before the next one takes its place.
+                # Send a good cloud first, newer than the one that is out of order. The pauses let
+                # each cloud be read before the next one replaces it.
                 for message in (cloud(rest), make()):
                     soft.send(body, message)
                     threading.Event().wait(0.05)
@@ -256,7 +256,7 @@ def test_bad_points_are_counted_by_reason_and_keep_nothing_fresh(soft, body):
     unread = soft.rejected("unreadable layout")
 
     def unreadable():
-        message = soft.cloud(rest, frame=body)  # stamped anew: a good one may have come since
+        message = soft.cloud(rest, frame=body)  # new stamp: a good cloud may have arrived since
         message.fields = []
         soft.send(body, message)
         return soft.rejected("unreadable layout") > unread

@@ -27,7 +27,7 @@ def load(tmp_path: Path) -> Load:
 
 @pytest.fixture
 def problems(load: Load) -> Callable[[str], list[str]]:
-    """Load a faulty text; the lines of the error, each without the path in front."""
+    """Return a function that loads a faulty text and returns the error's lines without path."""
 
     def message_lines(text: str) -> list[str]:
         with pytest.raises(SceneError) as caught:

@@ -25,7 +25,7 @@ def text(count, head="", body="", pairs="all"):
 
 
 def meshes_of(scene):
-    """The bodies' meshes as such: distances are theirs, not those of what they stand for."""
+    """Return the bodies as plain meshes, so that distances are those of the triangles."""
     return {
         name: engine.TriangleMesh(model.vertices, model.faces, name=name, solid=model.solid)
         for name, model in load_models(scene).items()
@@ -33,7 +33,7 @@ def meshes_of(scene):
 
 
 def walk(count, steps, seed=0, spread=2.0, step=0.05):
-    """(steps) mappings of smooth random walks; some bodies meet, some pass through others."""
+    """Yield the poses by name for each step of smooth random walks; some bodies overlap."""
     random = np.random.default_rng(seed)
     rate, phase = random.uniform(0.3, 2.0, (count, 7)), random.uniform(0.0, 6.0, (count, 7))
     for k in range(steps):
@@ -58,7 +58,7 @@ def samples(poses, stale=()):
 
 
 def exact(models, poses, ask=engine.signed_distance):
-    """The engine's answer for every pair of bodies, one by one."""
+    """Return the engine's answer for every pair of bodies, one by one."""
     return {
         (a, b): ask(models[a], poses[a], models[b], poses[b])
         for a, b in itertools.combinations(models, 2)
@@ -66,7 +66,7 @@ def exact(models, poses, ask=engine.signed_distance):
 
 
 def assert_certified(tick, true):
-    """Every listed pair's bounds hold its exact distance; returns the listed pairs."""
+    """Check that each listed pair's bounds hold its exact distance; return the listed pairs."""
     for pair in tick.pairs:
         at = true[pair.a, pair.b]
         assert pair.lower <= at.upper, (pair, at)

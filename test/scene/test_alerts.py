@@ -15,7 +15,7 @@ MM = Unit("millimetre", 0.001, "mm")
 
 
 class Watch:
-    """Alerts of one pair or more, a tick a call, an eighth of a second apart."""
+    """Alerts of one or more pairs. Each call is a tick, an eighth of a second after the last."""
 
     def __init__(self, count=1, reach=math.inf, limits=LIMITS):
         self.alerts = Alerts(watched(count, reach), MM)
@@ -296,7 +296,7 @@ def test_a_time_that_cannot_be_is_refused_by_line(problems, wrong):
 def test_a_time_in_which_nothing_was_watched_is_no_time_above():
     watch = Watch(limits=HELD)
     watch.see(pair(0.001))
-    assert watch.level(pair(0.020)) is Level.STOP  # above since now
+    assert watch.level(pair(0.020)) is Level.STOP  # above the limits from here on
     watch.alerts.interrupt()
     watch.now_s += 10.0
     assert [watch.level(pair(0.020)) for _ in range(5)] == [Level.STOP] * 5

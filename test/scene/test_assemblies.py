@@ -55,7 +55,7 @@ def test_parts_become_bodies_where_the_file_places_them(tmp_path):
     assert len(bodies) == 20
     wheel, bolt = bodies["wheel"], bodies["bolt 2"]
     np.testing.assert_allclose(wheel.pose[:3, 3], [-0.0352, 0.0, 0.095], atol=1e-12)
-    turn = np.pi + np.pi / 34  # that of the assembly, and half a tooth
+    turn = np.pi + np.pi / 34  # the assembly's turn, and half a tooth
     assert wheel.pose[:2, 0] == pytest.approx([np.cos(turn), np.sin(turn)])
     assert wheel.colour == pytest.approx((0.8, 0.45, 0.15, 1.0), abs=1e-6)
     assert not bolt.moving

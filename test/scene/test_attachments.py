@@ -29,7 +29,7 @@ BODIES = [body("table", TABLE), body("hand"), body("cup"), body("spoon")]
 
 
 def at(**places):
-    """Samples of poses, or of positions."""
+    """Return samples of the given poses or positions; the other bodies have none."""
     made = dict.fromkeys(("hand", "cup", "spoon"))
     for name, pose in places.items():
         pose = pose_matrix(pose, (0, 0, 0, 1)) if isinstance(pose, tuple) else pose

@@ -1,7 +1,7 @@
-"""Bundled scenes: their tools make their meshes, and they are as near as their comments say.
+"""Bundled scenes: their tools remake their files, and clearances are as their comments say.
 
-The clearances are measured by the engine along the scene's own motion, and those of the peg follow
-from its radii as well.
+The engine measures the clearances along the scene's own motion. Those of the peg also follow from
+its radii.
 """
 
 import filecmp
@@ -47,7 +47,7 @@ class Played:
         return self._poses[t]
 
     def clearance(self, a, b, times):
-        """Exact distances of two bodies (k,)."""
+        """Return the exact distances (k,) of two bodies at `times`, in the scene's unit."""
         poses = [self.poses(t) for t in times]
         found = engine.distances(
             self.models[a],
@@ -64,7 +64,7 @@ class Played:
         return self._pairs[a, b]
 
     def warnings(self, a, b, clearances):
-        """How often the warning begins."""
+        """Return how often a warning begins along these clearances."""
         warned = clearances * self.scene.unit.to_metre <= self.pair(a, b).thresholds.warn
         return int((warned[1:] & ~warned[:-1]).sum())
 
@@ -163,7 +163,7 @@ def test_the_block_has_a_square_top_with_a_round_hole():
 
 
 def fcl_distance(peg, t):
-    """By FCL, which shares no code with the engine, in millimetres."""
+    """Return the distance by FCL, which shares no code with the engine, in millimetres."""
     objects = []
     for name, pose in peg.poses(t).items():
         mesh = peg.models[name]
@@ -181,7 +181,7 @@ def fcl_distance(peg, t):
         (4.6, 0.02),  # 0.03 mm off the axis
         (5.5, 0.035),  # 0.015 mm off it
         (6.0, 0.05),
-        (11.7, 0.05),  # on the axis, somewhere
+        (11.7, 0.05),  # on the axis, at some depth
         (14.0, 0.05),  # at rest above the floor
     ],
 )
@@ -191,7 +191,10 @@ def test_the_clearance_of_the_peg_is_the_radii_s(peg, t, expected):
 
 
 def test_the_tilted_peg_is_nearest_where_its_comment_says(peg):
-    """At 24 mm the axis leaves the mouth's edge, 1 mm down, by 23 mm times the tilt's tangent."""
+    """At 24 mm, the tip is 23 mm below the mouth's edge, which is 1 mm down.
+
+    There the tilted axis is off by 23 mm times the tilt's tangent.
+    """
     about = 0.05 - 23.0 * math.tan(math.radians(0.1))
     assert about == pytest.approx(0.0098, abs=1e-4)
     (found,) = peg.clearance("peg", "block", [9.0])
@@ -227,7 +230,7 @@ def test_the_tip_comes_near_three_times_and_never_touches(probe):
 
 
 def test_the_closest_feature_is_that_of_the_pebble(probe):
-    """The nearest triangle and the place on it give the nearest point again."""
+    """The feature's triangle and the parameters on it reproduce the closest point."""
     pebble = probe.models["pebble"]
     for t in (0.0, 3.9, 4.1):
         poses = probe.poses(t)
@@ -242,7 +245,7 @@ def test_the_closest_feature_is_that_of_the_pebble(probe):
 
 
 def tip_edges():
-    """Points of a blade's two sides at its tip, by scipy, in millimetres."""
+    """Return points on the tip edges of a blade's two sides, by scipy, in millimetres."""
     text = (scene.bundled("turbine").parent / "models" / "blade.json").read_text()
     made = []
     for patch, end in zip(json.loads(text)["shape"]["data"], (0, -1), strict=False):
@@ -253,13 +256,13 @@ def tip_edges():
 
 
 def to_the_flare(points):
-    """Distances of points (n, 3) in the shroud from its inner wall, millimetres.
+    """Return the distances of points (n, 3) in the shroud to its inner wall, millimetres.
 
-    It is 100 + 0.08 x + 0.0005 x² from an axis at y = 0.25 mm.
+    The wall has radius 100 + 0.08 x + 0.0005 x² about an axis at y = 0.25 mm.
     """
     x, radius = points[:, 0], np.hypot(points[:, 1] - 0.25, points[:, 2])
     foot = x.copy()
-    for _ in range(50):  # Newton for the foot on a parabola
+    for _ in range(50):  # Newton's method for the foot point on the parabola
         wall, slope = 100.0 + 0.08 * foot + 5e-4 * foot**2, 0.08 + 1e-3 * foot
         wrong = (foot - x) + (wall - radius) * slope
         foot -= wrong / (1.0 + slope**2 + (wall - radius) * 1e-3)
@@ -294,7 +297,7 @@ SHAPES = ("pawn", "cup", "bottle", "table", "light_mill")
 
 
 def outline(name):
-    """Points (n, 2) of a profile, rho and z in mm, by scipy."""
+    """Return points (n, 2) of a profile, rho and z in mm, by scipy."""
     file = scene.bundled("chess").parent / "models" / f"{name}.json"
     (curve,) = json.loads(file.read_text())["revolution"]["profile"]
     points = np.array(curve["control_points"]["points"])
@@ -306,7 +309,7 @@ def test_the_pawn_dips_into_the_cup_as_its_comment_says(chess):
     found = chess.clearance("pawn", "cup", chess.times(201))
     assert found.min() == pytest.approx(1.109, abs=1e-3)
     assert chess.warnings("pawn", "cup", found) == 1
-    # The same by points of the pawn's profile, against the cup's in its own half-plane.
+    # The same clearance, from points of the pawn's surface to the cup's profile in its half-plane.
     at = np.linalg.inv(chess.poses(11.5)["cup"]) @ chess.poses(11.5)["pawn"]
     rho, z = outline("pawn")[::4].T
     turn = np.linspace(0.0, math.tau, 180, endpoint=False)[:, None]
@@ -327,7 +330,7 @@ def test_the_cup_over_the_board_is_as_near_all_around_and_known_soon(chess):
 
 
 def test_the_changing_solid_is_each_of_the_five_and_stays_clear(chess):
-    """At every time it is a solid: `deform` raises where its profile would cross itself."""
+    """It is a solid at every time: `deform` raises if its profile would cross itself."""
     model, rest = chess.models["changing"], chess.models["changing"].control_points
     for k, shape in enumerate(SHAPES):
         points = chess.motion.control_points(4.0 * k)["changing"]

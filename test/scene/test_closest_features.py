@@ -1,4 +1,4 @@
-"""Where the closest points lie on the models: as true as the points, searched or carried."""
+"""The features of the closest points are as correct as the points, searched or carried."""
 
 import dataclasses
 

@@ -1,4 +1,4 @@
-"""What is compiled while a monitor gets ready: all of it is foreseen, and no tick compiles."""
+"""Compilation while a monitor gets ready: every kernel is foreseen, and no tick compiles."""
 
 import importlib
 import os
@@ -57,7 +57,7 @@ SHARED = {
     "inside.ball_point.continue_depth", "inside.ball_rows.bound_of", "inside.ball_tangents.tangent",
     "inside.contain.part_inside",
 }  # fmt: skip
-"""They are compiled into others' code, and loaded only where they were compiled just now."""
+"""Kernels compiled into the code of others. They are loaded only if this process compiled them."""
 
 
 @pytest.mark.long

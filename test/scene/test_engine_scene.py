@@ -1,7 +1,7 @@
 """The bundled engine: sound meshes, nothing touches at any crank angle, clearances as designed.
 
-FCL measures, which shares no code with the engine; the expected values follow from the radii in
-tools/make_engine_scene.py alone.
+FCL, which shares no code with `proximity_monitor.engine`, measures. The expected values follow only
+from the radii in tools/make_engine_scene.py.
 """
 
 import itertools
@@ -16,7 +16,7 @@ from proximity_monitor import engine, motion, scene
 
 BORE, PISTON, BEARING, JOURNAL = 0.037010, 0.036990, 0.022515, 0.022495
 SPACING = 0.084
-# Polygons of 64 sides inside polygons of 80: vertices and sides meet again every 1.125 degrees.
+# A polygon of 64 sides inside one of 80: their arrangement repeats every 1.125 degrees.
 REPEAT = math.tau / math.lcm(64, 80)
 
 
@@ -72,13 +72,13 @@ def oracle(meshes):
 
 
 def bearing_clearance(angle):
-    """Of a journal of 64 sides, turned by an angle, in a bearing of 80 sides."""
+    """Return the clearance (m) of a 64-sided journal at an angle in an 80-sided bearing."""
     rest = angle % REPEAT
     return BEARING - JOURNAL * math.cos(min(rest, REPEAT - rest))
 
 
 def running_fits(angle):
-    """Every pair whose clearance follows from the radii, with that clearance in metres."""
+    """Return the clearance (m) of every pair whose clearance follows from the radii."""
     fits = {(f"piston_{k}", "block"): BORE - PISTON for k in (1, 2, 3, 4)}
     fits["crankshaft", "block"] = bearing_clearance(angle)
     fits["piston_2", "piston_3"] = SPACING - 2.0 * PISTON

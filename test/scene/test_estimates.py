@@ -1,4 +1,4 @@
-"""The time that an alert says is left does not depend on who listens."""
+"""The time left in an alert does not depend on whether somebody asks for distances."""
 
 import math
 
@@ -24,7 +24,7 @@ TURN = np.array([0.3, 0.2, 0.5, 0.8])
 
 
 def alerts_of(scene, models, distances):
-    """All alerts while the ball comes down on the rim of the turned cylinder, and touches it."""
+    """Return all alerts while the ball comes down on the turned cylinder's rim and touches it."""
     monitor, alerts = Monitor(scene, models), Alerts(scene.pairs, scene.unit)
     limits, before, made = [pair.thresholds for pair in scene.pairs], None, []
     for k in range(120):

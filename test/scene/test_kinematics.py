@@ -25,7 +25,7 @@ def joint(name, parent, child, kind="revolute", origin=None, axis=(0.0, 0.0, 1.0
 
 
 def chain(*joints):
-    """A robot whose links are l0, l1, … in a row."""
+    """Return a robot whose links l0, l1, … form a chain."""
     names = [f"l{i}" for i in range(len(joints) + 1)]
     return Kinematics(
         names,
@@ -36,7 +36,7 @@ def chain(*joints):
 @pytest.mark.parametrize("first", [-2.0, 0.0, 0.3, 1e-9, math.pi])
 @pytest.mark.parametrize("second", [-0.7, 0.0, 2.9])
 def test_two_turning_links_in_the_plane(first, second):
-    """An elbow arm of 0.4 and 0.25 m, its tip a third frame."""
+    """An elbow arm of 0.4 and 0.25 m. Its tip is the frame of a third, fixed link."""
     arm = chain({}, {"origin": at(0.4, 0, 0)}, {"origin": at(0.25, 0, 0), "kind": "fixed"})
     tip = arm.poses([first, second])[arm.links.index("l3")]
     np.testing.assert_allclose(
@@ -71,7 +71,7 @@ def test_the_base_moves_everything():
 
 
 def test_mimics_of_mimics_follow_in_straight_lines():
-    """As b = 2 a + 0.1 and c = -3 b + 0.5, c = -6 a + 0.2."""
+    """With b = 2 a + 0.1 and c = -3 b + 0.5, c = -6 a + 0.2."""
     robot = Kinematics(
         ["base", "l_a", "l_b", "l_c"],
         [
@@ -171,7 +171,7 @@ def test_values_that_are_not_finite_are_refused(value):
         chain({}, {}).poses([0.0, value])
 
 
-# An oracle of quaternions and recursion.
+# An oracle that uses quaternions and recursion.
 
 
 def times(p, q):
@@ -189,7 +189,7 @@ def turn(axis, angle):
 
 
 def by_recursion(robot, link, values):
-    """Position and quaternion of a link."""
+    """Return the position and the quaternion of a link."""
     above = next((each for each in robot if each["child"] == link), None)
     if above is None:
         return np.zeros(3), np.array([1.0, 0, 0, 0])
@@ -210,7 +210,7 @@ axes = st.tuples(lengths, lengths, lengths).filter(lambda axis: math.hypot(*axis
 
 @st.composite
 def robots(draw):
-    """Joints whose parents come anywhere before them, and positions of those that move."""
+    """Draw joints with any earlier link as parent, values of those that move, and a link order."""
     made, values = [], {}
     for i in range(draw(st.integers(1, 12))):
         each = {
@@ -249,14 +249,14 @@ def test_any_tree_agrees_with_the_recursion_and_is_rigid(case):
     assert made.links[0] == "l0"
     for link, pose in zip(made.links, poses, strict=True):
         place, attitude = by_recursion(robot, link, values)
-        scale = 100.0 * len(robot)  # what slides by 50 m has moved so far at most
+        scale = 100.0 * len(robot)  # a bound on positions: each joint slides by at most 50 m
         np.testing.assert_allclose(pose[:3, 3], place, atol=50.0 * EPS * scale)
         for axis in np.eye(3):
             np.testing.assert_allclose(
                 pose[:3, :3] @ axis, rotated(attitude, axis), atol=40.0 * EPS * len(robot)
             )
         check_pose(pose)
-        # Each joint multiplies two rotations into it, and each product rounds by some 4 eps.
+        # Each joint contributes two rotations, and each product rounds by some 4 eps.
         error = np.abs(pose[:3, :3].T @ pose[:3, :3] - np.eye(3)).max()
         assert error <= 20.0 * EPS * (2 * len(robot) + 1)
 

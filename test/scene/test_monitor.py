@@ -1,4 +1,4 @@
-"""The watch over moving bodies, against FCL's distances and a clock that the test winds."""
+"""The monitor of moving bodies, against FCL's distances, with a clock that the test sets."""
 
 import dataclasses
 import math
@@ -30,7 +30,7 @@ MOVING = ("ball", "rod", "die")
 
 
 class Clock:
-    """Time that passes only when the test, or a look at it, lets it."""
+    """A clock that advances only when the test sets it, and by `step` at each reading."""
 
     def __init__(self, step=0.0):
         self.now = 0.0
@@ -66,7 +66,7 @@ def samples(poses, stale=()):
 
 
 def random_walks(seed, steps):
-    """Poses that wander smoothly, so that bodies pass, touch and cross each other."""
+    """Return poses of smooth walks, in which bodies pass, touch and cross each other."""
     random = np.random.default_rng(seed)
     rates = {name: random.uniform(0.2, 2.0, 6) for name in MOVING}
     phases = {name: random.uniform(0.0, 6.0, 6) for name in MOVING}
@@ -195,7 +195,7 @@ def test_bounds_that_straddle_a_threshold_come_first_then_the_nearest(scene, mod
 def test_of_equally_near_pairs_the_one_not_looked_at_for_longest_comes_first(load):
     clock, surfaces = Clock(), load(SCENE.replace(", primitive", ", solid: false, primitive"))
     monitor = Monitor(surfaces, load_models(surfaces), clock=clock)
-    # All lower bounds are 0, and all bounds straddle it: every surface crosses every other.
+    # Every surface crosses every other: all lower bounds are 0, and all bounds straddle 0.
     monitor.set_thresholds([Thresholds(0.0, 0.0, 0.0)] * 6)
     poses = {name: pose(0.15 * i, 0, 0) for i, name in enumerate(MOVING)}
     looked = {}
@@ -210,7 +210,7 @@ def test_of_equally_near_pairs_the_one_not_looked_at_for_longest_comes_first(loa
 
 
 def test_no_search_begins_when_the_time_is_gone(scene, models):
-    clock = Clock(step=0.1)  # each look at the clock costs so much
+    clock = Clock(step=0.1)  # each reading of the clock takes this long
     tick = Monitor(scene, models, clock=clock).tick(samples(APART), budget_s=0.05)
     assert tick.searched == ()
     assert tick.left == len(tick.pairs) == 6
@@ -245,7 +245,7 @@ def test_the_age_of_an_answer_grows_until_the_pair_is_looked_at_again(scene, mod
     clock.now += 2.0
     assert {p.age_s for p in monitor.tick(samples(APART), budget_s=0.0).pairs} == {0.0}
     moved = {name: each @ pose(0.05, 0, 0, 0.1) for name, each in APART.items()}
-    clock.now += 1.0  # since the numbers answered; it is 3 s since the search
+    clock.now += 1.0  # 1 s since the answer last held for the poses; 3 s since the search
     assert {p.age_s for p in monitor.tick(samples(moved), budget_s=0.0).pairs} == {1.0}
 
 
@@ -273,7 +273,7 @@ def test_a_body_without_a_pose_gives_no_numbers(scene, models):
             assert np.isnan(pair.point_a).all()
             assert pair.session_min == math.inf
     assert tick.clearance() == 0.0
-    for pairs in (tuple(tick.pairs), tuple(reversed(tick.pairs))):  # of no matter whose make
+    for pairs in (tuple(tick.pairs), tuple(reversed(tick.pairs))):  # the pairs may be any sequence
         assert dataclasses.replace(tick, pairs=pairs).clearance() == 0.0
 
 

@@ -1,4 +1,4 @@
-"""Bodies that change their shape: bounds stay certified, and what is no shape is refused."""
+"""Bodies that change their shape: bounds stay certified, and invalid shapes are refused."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ COUNT = 8
 
 
 def told(tick):
-    """Everything that a tick says about pairs, but for when it was found out."""
+    """Return everything that a tick says about pairs except their ages."""
     return [
         (p.index, p.lower, p.upper, p.point_a.tolist(), p.point_b.tolist(), p.status)
         for p in tick.pairs
@@ -33,7 +33,7 @@ def bent(vertices, phase):
 def test_bounds_hold_while_bodies_deform(load, body, head, budget_s):
     scene = load(text(COUNT, head=head, body=body))
     models = load_models(scene)
-    model = models["b1"]  # b1 gets one of its own
+    model = models["b1"]  # b1 gets its own copy below
     models["b1"] = engine.TriangleMesh(model.vertices, model.faces, solid=model.solid)
     rest = {name: models[name].vertices for name in ("b0", "b1")}
     monitor = Monitor(scene, models)
@@ -49,9 +49,9 @@ def test_bounds_hold_while_bodies_deform(load, body, head, budget_s):
 @pytest.mark.long
 @pytest.mark.parametrize("budget_s", [0.0, 2e-4, 1.0])
 def test_bounds_hold_while_the_control_points_of_a_surface_move(load, tmp_path, budget_s):
-    """A sail over a plane that holds the nearest point whatever happens, against scipy's splines.
+    """A sail over a plane so large that it always holds the nearest point, against scipy's splines.
 
-    Both also swing, so bounds are carried by displacement and by motion at once.
+    The sail also swings, so bounds are carried by displacement and by motion at once.
     """
     x, y = np.meshgrid(*2 * [np.linspace(-1.0, 1.0, 8)], indexing="ij")
     knots = np.concatenate((np.zeros(3), np.linspace(0.0, 1.0, 6), np.ones(3)))
@@ -76,7 +76,7 @@ def test_bounds_hold_while_the_control_points_of_a_surface_move(load, tmp_path, 
         (pair,) = monitor.tick(samples({"sail": at.copy()}), budget_s).pairs
         shape = np.einsum("iu,jv,uvc->ijc", basis, basis, net)
         true = (shape @ at[2, :3] + at[2, 3]).min()
-        assert pair.lower <= true and true - 1e-4 <= pair.upper  # true is what was sampled
+        assert pair.lower <= true and true - 1e-4 <= pair.upper  # sampled, so `true` may be larger
         assert budget_s < 1.0 or pair.upper - pair.lower < 1e-9
 
 
@@ -135,7 +135,7 @@ def flattened(vertices):
 
 
 def torn(vertices):
-    """One corner of many is pulled away from the others at its place."""
+    """Pull one of the vertices that share a place away from the others."""
     made = vertices.copy()
     made[0] += 0.1
     return made
@@ -166,7 +166,7 @@ def test_vertices_of_a_body_that_is_not_there(load):
 
 
 def test_a_body_that_deforms_shares_its_model_with_nobody(load):
-    """Or the rigid bodies that look like it would change their shape with it."""
+    """Otherwise rigid bodies of the same shape would change their shape with it."""
     ball = "primitive: {sphere: {radius: 1}}, moving: true"
     bodies = [f"{{name: {name}, {ball}}}" for name in ("one", "two")]
     bodies += [f"{{name: {name}, {ball}, deforming: true}}" for name in ("soft", "softer")]
@@ -176,11 +176,11 @@ def test_a_body_that_deforms_shares_its_model_with_nobody(load):
 
 
 def test_a_robust_solid_that_opens_and_closes_has_no_carried_signs(load, tmp_path):
-    """While its lid is up whatever comes in is inside at once, however far it was before."""
+    """While the lid is up, the ball gets inside far from any surface, so its sign jumps."""
     corners = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)]) - 0.5
     quads = ((0, 2, 6, 4), (0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (8, 9, 10, 11))
     faces = np.array([t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))])
-    vertices = np.concatenate((corners, corners[[1, 5, 7, 3]]))  # the lid's are its own
+    vertices = np.concatenate((corners, corners[[1, 5, 7, 3]]))  # the lid has its own
     lines = [f"v {x} {y} {z}" for x, y, z in vertices] + [f"f {a} {b} {c}" for a, b, c in faces + 1]
     (tmp_path / "box.obj").write_text("\n".join(lines))
     scene = load(

@@ -1,4 +1,4 @@
-"""Only what is asked for: sides of thresholds, contact, signed distances of solids."""
+"""The monitor answers only what is asked: sides of thresholds, contact, signed distances."""
 
 import numpy as np
 import pytest
@@ -37,7 +37,7 @@ def test_every_pair_is_decided_against_its_thresholds_and_no_more(load, asked):
         assert_certified(tick, true)
         assert tick.left == 0
         for pair in tick.pairs:
-            # What a cylinder deviates by may leave a threshold open, as the engine itself does.
+            # A cylinder's deviation may leave a threshold open, for the engine's answer too.
             assert set(undecided(pair, LEVELS)) <= set(undecided(true[pair.a, pair.b], LEVELS))
             inexact += pair.upper - pair.lower > 1e-3
     assert inexact > 200, "a number costs more than its side of a threshold"
@@ -54,7 +54,7 @@ def test_a_decided_pair_is_not_looked_at_again_while_its_bounds_decide(load):
 
 
 def test_who_wants_numbers_gets_them_at_once(load):
-    """Between ticks without them: what was only decided is searched then."""
+    """After a tick without distances, pairs that were only decided are searched."""
     _, models, monitor = watch(load, head=HEAD)
     poses = next(walk(COUNT, 1))
     monitor.tick(samples(poses), 1.0, distances=False)
@@ -80,7 +80,7 @@ def test_contact_alone_is_decided(load):
 
 
 def test_a_distance_that_is_the_threshold_to_rounding_is_settled(load):
-    """Both sides are open, and stay so; the search is made once, not at every tick."""
+    """Rounding leaves its side of the threshold open. One search is made, not one per tick."""
     scene, models, monitor = watch(load, head="question: within")
     poses = next(walk(COUNT, 1))
     true = exact(models, poses)
@@ -118,7 +118,7 @@ def test_solids_have_certified_signed_distances(load, budget_s):
 
 
 def room_and_body(load, room, body):
-    """A box of 9 m and a small body, each with what the file says of being solid."""
+    """Return a scene of a 9 m box and a small body, each with its key `solid`."""
     room = (
         f"bodies:\n  - {{name: room, primitive: {{box: {{size: [9, 9, 9]}}}}, moving: true{room}}}"
     )
@@ -134,7 +134,7 @@ def room_and_body(load, room, body):
     ],
 )
 def test_a_part_that_jumps_wholly_inside_another_is_never_clear(load, solid, depth):
-    """Its surface is far from the other's again: only the sign tells.
+    """The surfaces are far from each other again, so only the sign shows the overlap.
 
     Solids overlap by the largest ball in the smaller one; a surface, by its deepest point.
     """
@@ -156,7 +156,7 @@ def test_a_part_that_jumps_wholly_inside_another_is_never_clear(load, solid, dep
 
 @pytest.mark.parametrize("body", ["", ", solid: false"])
 def test_a_body_may_lie_inside_a_surface(load, body):
-    """The distance is that of the surfaces, as nothing of the outer one lies inside the other."""
+    """The distance is between the surfaces, as no part of the outer is inside the other."""
     scene = room_and_body(load, ", solid: false", body)
     monitor = Monitor(scene, load_models(scene))
     (pair,) = monitor.tick(samples({"room": np.eye(4), "b0": np.eye(4)}), 1.0).pairs
@@ -182,7 +182,7 @@ def test_signed_searches_are_for_solids_that_may_overlap_alone(load, monkeypatch
         before = len(asked)
         tick = solids.tick(samples(poses), 1.0)
         overlapping = sum(pair.lower <= 0.0 for pair in tick.pairs)
-        # One that was so may have come apart.
+        # A pair that overlapped at the last tick may have come apart.
         assert len(set(asked[before:])) <= overlapping + was
         apart += len(tick.pairs) - overlapping
         was = overlapping
@@ -200,7 +200,7 @@ def test_a_solid_that_is_none_is_refused_with_its_place_in_the_file(load):
 
 
 def test_a_depth_that_comes_with_its_sign_is_an_answer_for_the_present_poses(load):
-    """How deep a ball is in a box follows from the distance of its centre: nothing is left open."""
+    """A ball's depth in a box follows from the distance of its centre, so nothing is left open."""
     scene = load("""
 version: 1
 unit: m

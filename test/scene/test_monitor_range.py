@@ -1,4 +1,4 @@
-"""Pairs with a range: what is near is listed, what is not is certainly far, whatever the budget."""
+"""Pairs with a range: near pairs are listed, the others are certainly far, at any budget."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ from proximity_monitor.scene.state import PairStatus
 COUNT = 12
 PAIRS = COUNT * (COUNT - 1) // 2
 ENOUGH_S = 60.0
-"""Of which some milliseconds are taken, on a busy machine a tenth of a second."""
+"""A budget that no tick uses up: a tick takes milliseconds, on a busy machine 0.1 s."""
 
 
 def watch(load, **parts):
@@ -89,7 +89,7 @@ def _gap(a, pose_a, b, pose_b):
 
 
 def test_thresholds_beyond_the_range_widen_it(load):
-    """An operator may raise a threshold while it runs; no alert is missed for that."""
+    """An operator may raise a threshold at run time; no alert is missed because of the range."""
     scene, models, monitor = watch(load, head="range: 0.01")
     monitor.set_thresholds([Thresholds(0.5, 0.1, 0.25)] * PAIRS)
     for poses in walk(COUNT, 10, seed=4):
@@ -102,7 +102,7 @@ def test_thresholds_beyond_the_range_widen_it(load):
 
 
 def test_a_silent_body_is_never_far(load):
-    """Where it is by now nobody knows, so all its pairs are listed, near or not."""
+    """Its present place is unknown, so all its pairs are listed, near or not."""
     _, models, monitor = watch(load, head="range: 0.01")
     poses = next(walk(COUNT, 1, spread=20.0))
     assert len(monitor.tick(samples(poses), ENOUGH_S).pairs) == 0
@@ -139,7 +139,7 @@ def test_pairs_that_are_ignored_are_not_counted_among_the_unsure(load, monkeypat
     _, _, monitor = watch(load, head="range: 0.01")
     monitor.ignore([0, PAIRS - 2, PAIRS - 1])  # one that would be listed, and two that would not
     tick = monitor.tick({}, ENOUGH_S)
-    # Who gets fewer than 20 relies on it that these are all.
+    # A reader that gets fewer than 20 pairs relies on these being all.
     assert (len(tick.pairs), tick.far, tick.unsure) == (20, 0, PAIRS - 23)
     monitor.ignore([])
     tick = monitor.tick({}, ENOUGH_S)
@@ -206,7 +206,7 @@ def test_all_beyond_their_range_is_room_as_far_as_the_range(load):
 
 
 def test_a_crowd_before_its_first_poses_costs_no_more_than_after(load):
-    """What a tick of 44,850 pairs costs follows from how many it lists, judges and tells of."""
+    """The cost of a tick of 44,850 pairs follows from how many it lists, judges and reports."""
     scene = load(text(300, head="range: 0.4"))
     monitor, alerts = Monitor(scene, load_models(scene)), Alerts(scene.pairs, scene.unit)
     limits = [pair.thresholds for pair in scene.pairs]
@@ -227,7 +227,7 @@ def test_a_crowd_before_its_first_poses_costs_no_more_than_after(load):
 
 
 def test_a_pair_that_is_held_at_a_level_stays_listed_until_it_is_clear(load):
-    """Who reads the ticks takes a pair that is not listed for clear."""
+    """A reader of the ticks takes a pair that is not listed to be clear."""
     limits = "thresholds: {warn: 0.5, stop: 0.4, hold_s: 1.5}"
     scene, models, monitor = watch(load, head=f"range: 1\n{limits}")
     alerts, thresholds = Alerts(scene.pairs, scene.unit), [p.thresholds for p in scene.pairs]

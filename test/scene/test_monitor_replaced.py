@@ -14,7 +14,7 @@ COUNT = 6
 @pytest.mark.parametrize("head", ["", "range: 0.3"])
 @pytest.mark.parametrize("budget_s", [0.0, 2e-4, 1.0])
 def test_bounds_hold_while_models_are_replaced(load, head, budget_s):
-    """By clouds of many points and of few: hints, tables and memory of the former are no good."""
+    """The new clouds have many or few points; hints, tables and memory of the old are invalid."""
     scene = load(text(COUNT, head=head))
     models, random = meshes_of(scene), np.random.default_rng(5)
     monitor = Monitor(scene, models)
@@ -29,7 +29,7 @@ def test_bounds_hold_while_models_are_replaced(load, head, budget_s):
         assert all(pair in listed or at.upper > 0.3 for pair, at in true.items())
         if budget_s == 1.0:
             for pair in tick.pairs:
-                # How deep two clouds overlap, each may find at another place.
+                # For overlapping clouds, the two searches may find different depths.
                 at = true[pair.a, pair.b]
                 assert pair.upper <= (at.upper if at.lower > 0.0 else max(at.upper, 0.0)) + 1e-9
 

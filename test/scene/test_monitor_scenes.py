@@ -1,4 +1,4 @@
-"""Every bundled scene that moves: at every tick, whatever the budget, the bounds hold the truth.
+"""Every bundled scene that moves: at every tick and any budget, the bounds hold the truth.
 
 The truth is the engine's exact answer for every pair, asked one by one; test_monitor.py compares
 with FCL.
@@ -18,7 +18,8 @@ from proximity_monitor.scene.state import PoseSample
 
 TICKS = 3
 SLOW = {"gearbox": (0.37, 2), "interlocked-rings": (0.1, 3)}
-"""By scene, at which share of its motion and how many ticks; any other takes less than a second."""
+"""For each slow scene: where in its motion to start (a share of the period), and how many ticks.
+Any other scene takes less than a second."""
 BUDGETS = (0.0, 1e-4, 1e-3, 0.1)
 
 
@@ -60,7 +61,7 @@ def recorded(name):
 
 
 def marked(name):
-    """The scene; where its exact answers take long, one Python has to ask for them."""
+    """Return the scene as a parameter, marked as long if its exact answers take long."""
     return pytest.param(name, marks=[pytest.mark.long] if name in SLOW else [])
 
 

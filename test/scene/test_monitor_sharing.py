@@ -13,7 +13,7 @@ COUNT = 8
 
 
 def both(load, threads=(1, 3), **parts):
-    """The ticks of the same walk with other numbers of threads, and time for everything."""
+    """Return the ticks of one walk for each number of threads, with time for every search."""
     scene = load(text(COUNT, **parts))
     models = load_models(scene)
     recorded = list(walk(COUNT, 8, spread=1.2))
@@ -25,7 +25,7 @@ def both(load, threads=(1, 3), **parts):
 @pytest.mark.parametrize("head", ["", "range: 0.5"])
 @pytest.mark.parametrize("body", ["", ", solid: false"])
 def test_the_distances_do_not_depend_on_the_number_of_threads(load, head, body):
-    """But for rounding: of triangles that are equally near, another may be met first."""
+    """Only rounding may differ: of equally near triangles, another may be met first."""
     for one, three in both(load, head=head, body=body):
         for p, q in zip(one.pairs, three.pairs, strict=True):
             assert (p.index, p.status) == (q.index, q.status)
@@ -59,7 +59,7 @@ def test_no_thread_is_no_way_to_search(load):
 
 
 def nested(load):
-    """Two balls of 20,480 triangles, one in the other, all of whose parts are equally near."""
+    """Return two balls, one in the other, of 20,480 triangles that are all equally near."""
     ball = "primitive: {sphere: {radius: %g, subdivisions: 5}}, moving: true, solid: false"
     scene = load(
         "version: 1\nunit: m\nbodies:\n"
@@ -75,7 +75,7 @@ def test_a_long_search_goes_on_across_ticks_and_others_have_their_turn(load):
     poses = {"outer": np.eye(4), "inner": np.eye(4)}
     turns = 0
     for k in range(5000):
-        away = placed([4.0 + 1e-3 * k, 0.3, 0.2], [0, 0, 0, 1])  # this one moves all the time
+        away = placed([4.0 + 1e-3 * k, 0.3, 0.2], [0, 0, 0, 1])  # this body moves all the time
         tick = monitor.tick(samples(poses | {"b0": away}), 2e-3)
         long, *others = tick.pairs
         assert (long.a, long.b) == ("outer", "inner")

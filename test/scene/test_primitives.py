@@ -38,13 +38,13 @@ def with_shape(primitive, scale=1.0):
 
 
 def volume(mesh):
-    """Signed volume; positive where the faces are closed and look outward."""
+    """Return the signed volume. It is positive if the faces are closed and look outward."""
     a, b, c = (mesh.vertices[mesh.faces[:, corner]] for corner in range(3))
     return float(np.einsum("ij,ij->", a, np.cross(b, c))) / 6.0
 
 
 def edges_match(mesh):
-    """Whether each edge is used once in each direction, as in a closed surface."""
+    """Return whether each edge is used once in each direction, as in a closed surface."""
     edges = np.concatenate([mesh.faces[:, [i, (i + 1) % 3]] for i in range(3)])
     forward = sorted(map(tuple, edges.tolist()))
     return forward == sorted(map(tuple, edges[:, ::-1].tolist())) and len(set(forward)) == len(
@@ -63,7 +63,7 @@ def test_box(scale):
 
 
 def to_cylinder(points, radius, height):
-    """Signed distances of points (n, 3) to a cylinder about z, analytically."""
+    """Return the signed distances of points (n, 3) to a cylinder about z, analytically."""
     across = np.hypot(points[:, 0], points[:, 1]) - radius
     along = np.abs(points[:, 2]) - height / 2
     outside = np.hypot(np.maximum(across, 0.0), np.maximum(along, 0.0))
@@ -71,7 +71,7 @@ def to_cylinder(points, radius, height):
 
 
 def random_pose(rng, spread):
-    """A rotation by the axis of two reflections, and a place."""
+    """Return a pose with a random rotation, by a unit quaternion, and a random place."""
     q = rng.normal(size=4)
     w, x, y, z = q / np.linalg.norm(q)
     turn = np.array(
@@ -190,13 +190,13 @@ def test_cones_and_tori_are_exact(shape, distances, scale, solid):
         found = engine.signed_distance(model, pose, engine.points(probe), pose)
         expected = scale * (true if solid is None else abs(true))
         assert found.lower - 1e-14 <= expected <= found.upper + 1e-14
-        # From the axis a whole circle is nearest; a depth is known to a share of itself.
+        # From the axis, a whole circle is nearest: bounds are wider. A depth has a relative error.
         width = (1e-11 if rho else 1e-5) + 0.003 * max(-expected, 0.0)
         assert found.upper - found.lower <= width
 
 
 def test_a_cone_in_a_ring():
-    """The middle of the tube, at rho = 0.3 and z = 0, is 0.12 from the wall."""
+    """The centre circle of the tube, at rho = 0.3 and z = 0, is 0.12 from the cone's wall."""
     cone, ring = (
         load_model(with_shape(Cone(0.3, 0.4)), MM),
         load_model(with_shape(Torus(0.3, 0.1)), MM),
@@ -262,7 +262,7 @@ def test_a_compound_of_spheres_is_exact_and_one_of_unlike_parts_deviates():
 
 
 def test_a_cylinder_with_a_ball_at_either_end_is_a_capsule():
-    """As the Panda's collision model has it; also two of them that share a ball, at an elbow."""
+    """The Panda's collision model has such parts. Two capsules may share a ball, at an elbow."""
     turn = (0.0, math.pi / 2.0, 0.0)
     at = {"scale": (1.0, 1.0, 1.0), "rpy": turn}
     rod = Part(Cylinder(0.09, 0.03), xyz=(-0.075, 0.0, 0.06), **at)
@@ -285,7 +285,7 @@ def test_a_cylinder_with_a_ball_at_either_end_is_a_capsule():
 
 @pytest.mark.parametrize("solid", [None, "robust", False])
 def test_a_part_of_a_compound_encloses_what_it_does_whatever_the_others_are(tmp_path, solid):
-    """An open part, a box without its lid, is a surface and makes the others none."""
+    """An open part, a box without its lid, is a surface. The other parts stay solids."""
     box = load_model(with_shape(Box((1.0, 1.0, 1.0))), MM)
     lines = [f"v {x + 3.0} {y} {z}" for x, y, z in box.vertices]
     lines += [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in box.faces[:-2]]

@@ -1,4 +1,4 @@
-"""The robots of example-robot-data, against their makers' tables of Denavit and Hartenberg."""
+"""The robots of example-robot-data, against their makers' Denavit-Hartenberg tables."""
 
 import math
 import os
@@ -26,7 +26,7 @@ def robot_scene(tmp_path, urdf, options=""):
 
 
 def screw(a, alpha, d, theta, *, modified):
-    """Denavit and Hartenberg's transformation, in Craig's order if modified."""
+    """Return the Denavit-Hartenberg transform, in Craig's order if `modified`."""
     ca, sa, ct, st = math.cos(alpha), math.sin(alpha), math.cos(theta), math.sin(theta)
     along_x = np.array([[1, 0, 0, a], [0, ca, -sa, 0], [0, sa, ca, 0], [0, 0, 0, 1]])
     along_z = np.array([[ct, -st, 0, 0], [st, ct, 0, 0], [0, 0, 1, d], [0, 0, 0, 1]])

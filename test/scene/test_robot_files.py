@@ -1,4 +1,4 @@
-"""Where a robot's description comes from: files, xacro files, a topic; what follows from it."""
+"""The sources of a robot's description (files, xacro files, a topic), and what follows from it."""
 
 import importlib.util
 import itertools
@@ -17,7 +17,7 @@ BOX = '<collision><geometry><box size="0.1 0.1 0.1"/></geometry></collision>'
 
 
 def chain(*links, shape=BOX):
-    """A robot of links in a row, each turning on the one before."""
+    """Return the URDF of a chain of links, each turning on the one before."""
     text = "".join(f'<link name="{link}">{shape}</link>\n' for link in links)
     for i, (above, link) in enumerate(itertools.pairwise(links), 1):
         text += (
@@ -62,7 +62,7 @@ XACRO = """<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro">
 
 @pytest.fixture
 def load(tmp_path):
-    """Write the given files and a scene beside them, and load that."""
+    """Return a function that writes files and a scene beside them, and loads the scene."""
 
     def write_and_load(more="", describe=None, scene=SCENE, **files):
         files = {"arm.urdf": CHAIN, **{name.replace("__", "."): t for name, t in files.items()}}
@@ -182,7 +182,7 @@ def test_what_is_wrong_with_a_xacro_file_is_told(problems, old, new, told):
 
 
 def test_without_xacro_the_extra_is_named(problems, monkeypatch):
-    monkeypatch.setitem(sys.modules, "xacro", None)  # as good as not installed
+    monkeypatch.setitem(sys.modules, "xacro", None)  # as if it were not installed
     (found,) = problems(scene=OF_XACRO, arm__urdf__xacro=XACRO)
     assert "pip install xacro (it is part of the extra 'robots')" in found
 
@@ -260,7 +260,7 @@ def test_a_bad_topic_of_a_description_is_told(problems):
     assert found.startswith("5: robots[0].urdf: needs the key 'topic'")
 
 
-# What is watched of it
+# Which links are watched
 
 
 def test_links_without_the_shapes_that_are_asked_for_name_the_others(problems, load):
@@ -305,7 +305,7 @@ def test_the_links_are_placed_from_the_pose_of_the_root(load):
     base[:3, 3] = 1.0, 2.0, 3.0
     poses = robot.poses({"turn1": math.pi / 2}, base)
     np.testing.assert_allclose(poses["arm_a"], base)
-    # Turned by the root, the first joint points along y, and the next link with it.
+    # Bent by the first joint, link b points along the root's x axis, the scene's y axis.
     np.testing.assert_allclose(poses["arm_c"][:3, 3], [1.0, 2.3, 3.3])
 
 

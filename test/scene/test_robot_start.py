@@ -1,4 +1,4 @@
-"""Where a robot starts, what touches there, and which joints a script moves from there."""
+"""A robot's start positions, the links that touch there, and the joints that a script moves."""
 
 import math
 
@@ -10,7 +10,7 @@ from proximity_monitor.scene import SceneError, load_scene
 
 @pytest.fixture
 def load(tmp_path):
-    """Write a scene beside a crane and load it."""
+    """Return a function that writes a scene beside a crane and loads it."""
     (tmp_path / "crane").mkdir()
 
     def write_and_load(text, urdf=CRANE):
@@ -31,7 +31,7 @@ def both(*names):
 
 
 def test_links_of_which_it_is_open_whether_they_touch_are_watched(load):
-    """The second shape makes the cylinder a mesh, which reaches into the ball beside it."""
+    """The second shape makes the cylinder a mesh, and this mesh reaches into the ball beside it."""
     urdf = """<robot name="r"><link name="a">
       <collision><geometry><cylinder radius="0.5" length="1"/></geometry></collision>
       <collision><origin xyz="0 0 2"/><geometry><box size="1 1 1"/></geometry></collision></link>

@@ -17,7 +17,7 @@ HEAD = "scene.yaml:"
 
 @pytest.fixture
 def load(tmp_path):
-    """Write a scene beside a crane and load it."""
+    """Return a function that writes a scene beside a crane and loads it."""
     meshes = tmp_path / "crane" / "meshes"
     meshes.mkdir(parents=True)
     (meshes / "wedge.obj").write_text(WEDGE)
@@ -58,12 +58,12 @@ def test_links_with_a_shape_are_bodies(load):
         "crane_boom", "crane_hook_1", "crane_lamp",
     }  # fmt: skip
     assert all(bodies[name].topic is None for name in bodies if name != "floor")
-    # The base hangs on a fixed joint alone.
+    # Only a fixed joint holds the base.
     np.testing.assert_allclose(bodies["crane_base"].pose[:3, 3], [0.0, 0.0, 0.1])
 
 
 def test_what_is_watched_and_what_is_not(load):
-    """Neighbours (`frame` has no shape), and the lamp that is screwed to the boom, are left out."""
+    """Not watched: neighbours (`frame` has no shape), and the lamp, which is fixed to the boom."""
     assert names_of(load().pairs) == both(
         "floor crane_boom", "floor crane_hook_1", "floor crane_lamp", "crane_base crane_hook_1",
         "crane_base crane_lamp", "crane_hook_1 crane_lamp",
@@ -83,13 +83,13 @@ def test_pairs_of_links_are_excluded_by_name(load):
 
 
 def test_pairs_that_touch_at_the_start_are_excluded_if_asked_for(load):
-    """The boom's tube, 0.05 m thick, starts on the axis of the base's ball, 0.2 m above it."""
+    """The boom's tube, of radius 0.05 m, starts on the axis of the base's ball, 0.2 m above it."""
     text = SCENE + "    exclude_adjacent: false\n    exclude_touching: true\n"
     low = CRANE.replace('<origin xyz="0 0 0.5"/>', '<origin xyz="0 0 0.36"/>')
     assert both("crane_base crane_boom") < names_of(load(text).pairs)
     pairs = names_of(load(text, low).pairs)
     assert not pairs & both("crane_base crane_boom")
-    # The hook, 0.1 m high, starts at 0.1 m, where it just touches the boom's end.
+    # The hook, 0.1 m high, starts 0.1 m below the boom's axis, and just touches the boom's end.
     assert not pairs & both("crane_boom crane_hook_1")
     pairs = names_of(load(text.replace("drop: 100", "drop: 101"), low).pairs)
     assert both("crane_boom crane_hook_1") < pairs
@@ -121,7 +121,7 @@ def test_a_link_that_must_be_a_solid_is_told_by_key_and_line(load, tmp_path):
 
 
 def test_a_link_of_a_mesh_that_faces_inwards_and_a_box_is_one_solid(load, tmp_path):
-    """Where they overlap, one would cancel the other."""
+    """If their orientations differed, each would cancel the other where they overlap."""
     load()
     inwards = WEDGE.replace(
         "f 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3", "f 1 2 3\nf 1 4 2\nf 2 4 3\nf 1 3 4"

@@ -1,4 +1,4 @@
-"""Bodies that are point clouds, as a scene file says them."""
+"""Bodies that are point clouds, as a scene file declares them."""
 
 import pytest
 

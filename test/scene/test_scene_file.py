@@ -1,4 +1,4 @@
-"""What a scene file says, and every way in which its form can be wrong: with line and key."""
+"""What a scene file says, and every fault of its form, reported with line and key."""
 
 import numpy as np
 import pytest
@@ -40,7 +40,7 @@ bodies:
     pose: {position: [0, 0, 0]}
 """
 
-# Sound but for what a test puts in; the bodies begin on line 4.
+# A sound scene, in which tests put faults; the bodies begin on line 4.
 HEAD = "version: 1\nunit: m\nbodies:\n"
 BALL = "  - {name: ball, primitive: {sphere: {radius: 1}}, moving: true}\n"
 ROOM = "  - {name: room, primitive: {box: {size: [9, 9, 9]}}, pose: {position: [0, 0, 0]}}\n"

@@ -1,4 +1,4 @@
-"""Whatever stands in a scene file, it is a scene or a SceneError."""
+"""Any text in a scene file gives a scene or a SceneError."""
 
 import random
 
@@ -74,7 +74,7 @@ null true -1 0 1e999 .nan .inf 1e308 -1e308 1e-320 2 0x10 1:30 2024-01-01 '' {} 
 table shaft piston both all package://a/b /dev/null &a *a !!int !!set <<: ? | > % @ ` # --- ...
 """
 
-SOUND_DATA = yaml.safe_load(SOUND)  # which takes as long as reading a scene
+SOUND_DATA = yaml.safe_load(SOUND)  # parsed once: it takes as long as reading a scene
 values = st.recursive(
     st.none()
     | st.booleans()

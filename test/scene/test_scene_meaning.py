@@ -210,7 +210,7 @@ def test_of_many_problems_the_first_are_told_soon(problems):
 
 
 def test_a_range_may_equal_what_it_has_to_hold(load):
-    """In binary 0.2 + 0.1 is more than 0.3."""
+    """In binary floating point, 0.2 + 0.1 is more than 0.3."""
     scene = load(
         "version: 1\nunit: m\nrange: 0.3\nthresholds: {warn: 0.2, hysteresis: 0.1}\nbodies:\n"
         "  - {name: a, primitive: {point: {}}, moving: true}\n"

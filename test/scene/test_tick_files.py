@@ -1,4 +1,4 @@
-"""Where a tick leads whoever reads it: from poses in to bounds out it passes through few files."""
+"""A tick passes through few files from poses to bounds, so that a reader can follow it."""
 
 import sys
 from collections import defaultdict
@@ -18,9 +18,9 @@ MOST = 9
 
 
 def files_of(call):
-    """What a call returns, and the functions it ran by the package's files, kernels apart.
+    """Return a call's result and the functions that it ran, by the package's files without kernels.
 
-    A kernel is compiled with all that it calls, so Python sees nothing of what it passes through.
+    A kernel is compiled with all that it calls, so Python does not see the files that it uses.
     """
     functions = defaultdict(set)
 
@@ -39,7 +39,7 @@ def files_of(call):
 @pytest.mark.parametrize("body", ["", ", solid: false"])
 @pytest.mark.parametrize("head", ["", "range: 1.0"])
 def test_a_tick_passes_through_nine_files_at_most(load, head, body):
-    """Where models overlap, finding how deep leads on into `engine/questions`."""
+    """Ticks with an overlap do not count: finding its depth leads on into `engine/questions`."""
     scene = load(text(COUNT, head=head, body=body))
     models = load_models(scene)
     monitor = Monitor(scene, models)

@@ -1,4 +1,4 @@
-"""Which pairs cannot see containment, who says so, and what is never clear because others can."""
+"""Which pairs cannot see containment, where that is reported, and that the other pairs do."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ LIMITS = "thresholds: {warn: 0.02, stop: 0.01}"
 
 
 def open_box(size):
-    """A box without its lid."""
+    """Return a box without its lid."""
     made = trimesh.creation.box(size)
     made.update_faces(made.triangles_center[:, 2] < size[2] / 2.0 - 1e-9)
     return made
@@ -26,7 +26,7 @@ def open_box(size):
 
 @pytest.fixture
 def scene(tmp_path):
-    """Make a scene of what is given about a zone, a part and a tip."""
+    """Return a function that makes a scene of a zone, a part and a tip from these keys."""
     open_box((1.0, 1.0, 1.0)).export(tmp_path / "zone.stl")
 
     def made(zone="primitive: {box: {size: [1, 1, 1]}}", part="", head=LIMITS):
@@ -45,7 +45,7 @@ def scene(tmp_path):
 
 
 def bounds(monitor, budget_s=1.0, **positions):
-    """What one tick says of the zone's pairs, by the other body."""
+    """Return the bounds of the zone's pairs after one tick, by the other body."""
     poses = {name: placed([x, 0.003, 0.002], STILL) for name, x in positions.items()}
     tick = monitor.tick(samples(poses), budget_s)
     assert tick.left == 0 or budget_s < 1.0
@@ -63,7 +63,7 @@ SIGHTED = {
 @pytest.mark.parametrize("question", ["distance", "within", "collide"])
 @pytest.mark.parametrize("zone, part", SIGHTED.values(), ids=SIGHTED)
 def test_a_slow_drive_through_the_wall_is_never_clear_once_it_touches(scene, zone, part, question):
-    """Though it is 0.475 m from every wall in the middle."""
+    """It is not clear even in the middle, where it is 0.475 m from every wall."""
     limits = {"distance": LIMITS, "within": f"{LIMITS}\nquestion: within"}
     monitor = Monitor(*scene(zone, part, limits.get(question, f"question: {question}")))
     for x in np.arange(0.7, -0.7, -0.0137):
@@ -71,7 +71,7 @@ def test_a_slow_drive_through_the_wall_is_never_clear_once_it_touches(scene, zon
             apart = abs(x) - 0.5 - (0.025 if name == "part" else 0.0)
             if apart <= 0.0:
                 assert lower <= 0.0, (name, x)
-            elif apart > 0.01:  # what is nearer is at stop, and no more may be known of it
+            elif apart > 0.01:  # a nearer pair is at stop, and no more may be known
                 assert lower > 0.0, (name, x)
             assert lower <= upper
             if apart < 0.0 and question == "distance" and name == "tip":
@@ -89,7 +89,7 @@ def test_what_appears_in_the_middle_is_not_clear_whatever_the_time(scene, budget
 
 
 def test_bounds_of_a_robust_solid_hold_while_a_tip_passes_its_hole(scene):
-    """The distance jumps there, so what was known on one side is not believed on the other."""
+    """The distance jumps at the hole, so bounds from one side are not used on the other."""
     loaded, models = scene("model: zone.stl, solid: robust")
     monitor, tip = Monitor(loaded, models), engine.points([[0.0, 0.0, 0.0]])
     for k, z in enumerate(np.arange(0.9, 0.1, -0.011)):

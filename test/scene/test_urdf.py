@@ -228,7 +228,7 @@ def test_a_file_that_is_gone_or_no_text(tmp_path):
 
 
 def test_entities_do_not_grow(read):
-    """A few bytes that would be a gigabyte: refused where they are declared."""
+    """A few bytes that would expand to a gigabyte are refused where they are declared."""
     levels = "".join(f'<!ENTITY e{i + 1} "{f"&e{i};" * 10}">' for i in range(9))
     bomb = f'<!DOCTYPE robot [<!ENTITY e0 "{"x" * 10}">{levels}]><robot>&e9;</robot>'
     with pytest.raises(UrdfError, match="has a document type declaration"):
@@ -247,7 +247,7 @@ relaxed = settings(
 
 
 def holds(path, data):
-    """Whatever stands in the file, it is a robot whose links stand somewhere, or an error."""
+    """Check that any data in the file give a robot whose links have poses, or an error."""
     path.write_bytes(data)
     try:
         kinematics = read_urdf(path).kinematics
@@ -284,7 +284,7 @@ def test_any_bytes(tmp_path, data):
 
 
 def test_an_axis_of_any_length_is_a_direction(read):
-    """Squares of these would underflow or overflow, and the turn would not be rigid."""
+    """Squares of the small components would underflow, and the rotation would not be rigid."""
     for axis in ("1e-320 1e-320 0", "1e-200 0 1e-200", "1e9 1e9 1e9"):
         kinematics = read(
             ROBOT.replace("prismatic", "revolute").replace('xyz="0 0 2"', f'xyz="{axis}"')

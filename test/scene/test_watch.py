@@ -17,7 +17,7 @@ KINDS = [
 
 
 def written_out(moving, rule, exceptions):
-    """(a, b, kind) of every watched pair, in order."""
+    """Yield (a, b, kind) of every watched pair, in order."""
     other = {(a, b): kind for a, b, kind in exceptions}
     for a, b in itertools.combinations(range(len(moving)), 2):
         kind = other.get((a, b), rule)
@@ -76,7 +76,7 @@ def test_the_sequence_is_that_of_the_pairs_written_out(watch):
 @settings(deadline=None, max_examples=200)
 @given(watch=watches(), least=st.sampled_from([0.0, 2.5, 10.0]))
 def test_a_body_reaches_as_far_as_any_of_its_pairs(watch, least):
-    """Half of both reaches is then never less than the pair's own range."""
+    """Then the mean of two bodies' reaches is never less than the range of their pair."""
     pairs = made(*watch)
     reaches = pairs.reaches(least)
     ranges = np.full(len(watch[0]), -np.inf)
