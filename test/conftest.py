@@ -1,7 +1,7 @@
-"""What tests of several folders need: how property tests run, and processes that talk over DDS.
+"""What tests of several folders need: profiles of property tests, and processes that use DDS.
 
-Property tests draw the same examples each time, however busy the machine is;
-`pytest --hypothesis-profile=search` draws new ones instead.
+Property tests draw the same examples each time and have no deadline, however busy the machine is.
+`pytest --hypothesis-profile=search` draws new examples instead.
 """
 
 from __future__ import annotations
@@ -27,24 +27,24 @@ settings.load_profile("repeatable")
 
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
-    # Whoever starts the tests in the background may have it ignored. Programs would inherit that.
+    # A shell that starts the tests in the background ignores SIGINT. Programs would inherit that.
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 FIRST = ("test_hard_cases.py", "test_process.py", "test_refit.py")
-"""These compile much that all tests use, where the cache is empty."""
+"""Files that come first: if the cache is empty, they compile much that all tests use."""
 
 
 SHORT = ("display", "ros")
-"""Folders whose files are short unless their tests start processes."""
+"""Folders whose test files take little time unless their tests start processes."""
 TAIL = 0.2
-"""The share of the files that comes after the last whose tests start processes."""
+"""The share of the other files that comes after the last file whose tests start processes."""
 
 
 def pytest_collection_modifyitems(items):
-    """Files whose tests start processes take turns with the others.
+    """Mix the files whose tests start processes with the other files.
 
-    Workers are given whole files, in this order. Who waits for a process leaves its processor to
-    others: where all of them wait at once, it idles. What comes last should be short.
+    Workers are given whole files, in this order. A worker that waits for a process leaves its
+    processor to others; if all wait at once, the processor idles. The last files should be short.
     """
     processes = {item.path for item in items if "ros_environment" in item.fixturenames}
     others = {item.path for item in items} - processes
@@ -57,10 +57,10 @@ def pytest_collection_modifyitems(items):
 
 
 def _claim_domain():
-    """The first DDS domain that nobody on this machine is in, and a socket that keeps it ours.
+    """Return the first DDS domain that is free on this machine, and a socket that reserves it.
 
-    The socket has the port of a domain's first participant; ours go without that. Each second
-    domain, up to 49: the next one is for demos, and the one 50 further on for displays.
+    The socket takes the port of a domain's first participant; our participants do without it. Only
+    odd domains up to 49 are tried: `domain` + 1 is for demos, and `domain` + 50 for displays.
     """
     for domain in range(1, 50, 2):
         claim = socket.socket(type=socket.SOCK_DGRAM)
@@ -75,7 +75,7 @@ def _claim_domain():
 
 @pytest.fixture(scope="session")
 def ros_environment(tmp_path_factory):
-    """A DDS domain of our own, on this machine alone, with logs out of the way."""
+    """A DDS domain of our own, limited to this machine, with logs in a temporary folder."""
     pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
     domain, claim = _claim_domain()
     os.environ.update(
@@ -101,7 +101,7 @@ def _executable(name):
 
 
 class Process:
-    """An installed executable that runs, and what it prints."""
+    """A running command, and what it prints."""
 
     def __init__(self, command, log, environment):
         self.log = log
@@ -137,7 +137,7 @@ class Process:
 
 @contextmanager
 def _launching(folder):
-    """Start an installed executable with ROS parameters; what still runs in the end is ended."""
+    """Yield a function that starts executables with ROS parameters; end those still running."""
     numbers = count()
     with ExitStack() as stack:
 
@@ -154,14 +154,14 @@ def _launching(folder):
 
 @pytest.fixture(scope="module")
 def launch_for_all(ros_environment, tmp_path_factory):
-    """`launch` of what the tests of a file share: it ends with them."""
+    """Like `launch`, for executables that all tests of a file share: they end with the file."""
     with _launching(tmp_path_factory.mktemp("processes")) as start:
         yield start
 
 
 @pytest.fixture
 def launch(ros_environment, tmp_path_factory):
-    """Start an executable that ends with the test: none is left to take time from the others."""
+    """Start an executable that ends with the test, so that later tests have all the cores."""
     with _launching(tmp_path_factory.mktemp("processes")) as start:
         yield start
 
@@ -182,7 +182,7 @@ def run(ros_environment, tmp_path):
 
 @pytest.fixture
 def executable(ros_environment):
-    """Where an installed executable is, by its name."""
+    """A function that returns the path of an installed executable, given its name."""
     return _executable
 
 
@@ -198,7 +198,7 @@ def rclpy_context(ros_environment):
 @pytest.fixture
 def as_matrix():
     def matrix(position, quaternion=(0.0, 0.0, 0.0, 1.0)):
-        """The (4, 4) pose, by Rodrigues' formula."""
+        """Return the (4, 4) pose for a quaternion (x, y, z, w), by Rodrigues' formula."""
         *axis, w = np.array(quaternion) / np.linalg.norm(quaternion)
         x, y, z = axis
         cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])

@@ -1,4 +1,7 @@
-"""The arrows between the rooms, read from the imports: data flows one way, nothing points back."""
+"""The dependencies between the rooms, read from the imports: they all point in one direction.
+
+A room is a folder or a module of the package with rules of its own about imports.
+"""
 
 from __future__ import annotations
 
@@ -14,9 +17,8 @@ NAME = "proximity_monitor"
 PACKAGE = Path(__file__).resolve().parents[1] / NAME
 MAX_LINES = 400
 
-# What each room may import of the package; a room not listed here has to be thought about first.
-# Constants are a room of their own, because kernels take them and know nothing else of the engine.
-# Rooms from the ground up: each knows itself and those below it that it names.
+# `KNOWS` maps each room to the rooms that it may import. A new room must be added to it first.
+# The floors are the rooms of the kernels, the lowest first: each may import itself and those below.
 KERNELS = "engine/kernels"
 _FLOORS = [
     "base", "tree", "bounds", "elements", "inside", "surface", "revolution", "search", "pairs",
@@ -28,12 +30,12 @@ _KERNEL_ROOMS = {
 }
 _SHARED = {"engine/arguments", "engine/poses"}
 _FLOOR = {*_KERNEL_ROOMS, *_SHARED}
-_PROTOCOL = "engine/models/model"  # what every kind of model does, which all may know
+_PROTOCOL = "engine/models/model"  # what every kind of model does; outer rooms may know it
 _MODELS = {*_FLOOR, "engine/models", _PROTOCOL}
 _QUESTIONS = {*_MODELS, "engine/questions"}
 _ASSEMBLY = {*_QUESTIONS, "engine/assembly"}
 _ENGINE = {*_ASSEMBLY, "engine/files", "engine/compiling", "engine"}
-# The rooms that outer rooms may know, as far as each needs: never a kernel.
+# The rooms of the engine that rooms outside it may know, as each needs them: never a kernel.
 _PUBLIC = {"engine", "engine/compiling", _PROTOCOL}
 _WATCHING = {*_PUBLIC, "engine/poses", "engine/assembly"}
 KNOWS = {
@@ -52,23 +54,23 @@ KNOWS = {
     "scene": {"scene", *_WATCHING},
     "motion": {"motion", "scene", *_PUBLIC},
     "study": {"study", "motion", "scene", "ending", *_ENGINE} - set(_KERNEL_ROOMS),
-    "cdr": set(),  # messages as bytes
-    "ending": set(),  # of processes
+    "cdr": set(),  # reads and writes messages as bytes
+    "ending": set(),  # ends processes
     "ros": {"ros", "motion", "scene", "cdr", "ending", *_PUBLIC},
     "display": {"display", "scene", "cdr", "ending", *_PUBLIC},
     "__main__": {"display", "ros", "motion", "scene", "ending", *_PUBLIC},
     "": set(),  # the package's own __init__.py, which everybody may know
 }
-# Third-party packages of the engine, whose readers compile nothing; other rooms take what they
-# need, ROS and compilers apart.
-# llvmlite is numba's own compiler: a kernel may name an operation that numba has no name for.
-# Other rooms compile by engine/compiling.py, which finds a place to keep the code.
+# Third-party packages that the engine may import; its file readers may import no compiler. Other
+# rooms may import any package but compilers, and ROS only if they are in `ROS_ROOMS`.
+# llvmlite is numba's own compiler: kernels use it for operations that numba has no name for.
+# Other rooms compile with engine/compiling.py, which finds a place to keep the code.
 ENGINE_NEEDS = {"numpy", "numba"}
 KERNELS_NEED = {"llvmlite"}
 FILES_NEED = {"OCP"}  # an extra: imported when a STEP file is read
 COMPILERS = {"numba", "llvmlite"}
 ROS_ROOMS = {"ros", "display"}
-# Rooms that know models by their protocol alone: so a new kind of model changes none of them.
+# Rooms that use models by their protocol alone, so that a new kind of model changes none of them.
 KIND_FREE = {"scene", "motion", "ros", "display", "__main__"}
 OF_KINDS = {"TriangleMesh", "Patch", "Curve", "ParametricSurface"}
 INSIDE_MODELS = {"vertices", "faces", "nets", "swept_radius", "core_radius", "_hierarchy"}
@@ -84,7 +86,7 @@ ROS_SUFFIXES = ("_msgs", "_srvs", "_interfaces")
 
 
 def room_of(path: tuple[str, ...]) -> str:
-    """The room of a module, given by its path within the package without suffix."""
+    """Return the room of a module, given by its path within the package without suffix."""
     for length in range(len(path), 0, -1):
         room = "/".join(path[:length])
         if room in KNOWS:
@@ -97,7 +99,7 @@ def is_ros(name: str) -> bool:
 
 
 def imports(tree: ast.Module, package: tuple[str, ...]) -> Iterator[tuple[int, tuple[str, ...]]]:
-    """Line and dotted path of everything that is imported; `package` is what a lone dot means."""
+    """Yield line and path of everything imported; `package` is the package that one dot means."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             for alias in node.names:
@@ -110,7 +112,7 @@ def imports(tree: ast.Module, package: tuple[str, ...]) -> Iterator[tuple[int, t
 
 
 def target_room(path: tuple[str, ...], root: Path) -> str:
-    """The room of what is imported: a folder, a module, or a name that one of them has."""
+    """Return the room of an import: of a folder, of a module, or of a name in one of them."""
     inner = path[1:]
     while inner and not (
         root.joinpath(*inner).is_dir() or root.joinpath(*inner).with_suffix(".py").is_file()
@@ -120,7 +122,7 @@ def target_room(path: tuple[str, ...], root: Path) -> str:
 
 
 def broken_rules(room: str, path: tuple[str, ...], root: Path) -> Iterator[str]:
-    """What is wrong with one import."""
+    """Yield what is wrong with one import."""
     top = path[0]
     if top == root.name:
         target = target_room(path, root)
@@ -141,7 +143,7 @@ def broken_rules(room: str, path: tuple[str, ...], root: Path) -> Iterator[str]:
 
 
 def names_of_kinds(tree: ast.Module) -> Iterator[tuple[int, str]]:
-    """Line and name of everything that only one kind of model has, or its class."""
+    """Yield line and name of each use of a kind's class, or of what only some kinds have."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Attribute):
             read = isinstance(node.ctx, ast.Load) and node.attr in INSIDE_MODELS
@@ -154,7 +156,7 @@ def names_of_kinds(tree: ast.Module) -> Iterator[tuple[int, str]]:
 
 
 def violations(root: Path) -> list[str]:
-    """Everything in a package folder that breaks a rule, as ``file:line: room what``."""
+    """Return everything in a package folder that breaks a rule, as ``file:line: room what``."""
     found = []
     for file in sorted(root.rglob("*.py")):
         where = file.relative_to(root).as_posix()

@@ -1,4 +1,4 @@
-"""The benchmark runs, and its engines agree. How fast they are is no matter of a test."""
+"""The benchmark runs, and its engines agree. No test checks how fast they are."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ PEERS = [name for name in ("fcl", "coal") if importlib.util.find_spec(name)]
 
 
 def compare(*arguments: str) -> subprocess.CompletedProcess[str]:
-    # A script finds the modules beside it only where this is not set.
+    # A script finds the modules beside it only if this variable is not set.
     environment = {k: v for k, v in os.environ.items() if k != "PYTHONSAFEPATH"}
     command = [sys.executable, str(COMPARE), *arguments]
     return subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
@@ -47,7 +47,7 @@ def test_engines_agree_side_by_side(tmp_path):
         positive |= {f"{peer}_build_s", f"{peer}_ratio", f"{peer}_ratio_10"}
         positive |= {f"{peer}_ratio_means", f"{peer}_ratio_batch", f"{peer}_ratio_batch_10"}
     assert {name for name in positive if not float(row[name]) > 0.0} == set()
-    # What was kept of the pose before spares some of the tests that an ideal search has to make.
+    # A pair remembers its last pose, which saves some of the tests that an ideal search must make.
     assert 0.5 <= float(row["bound_tests_to_ideal"]) <= 1.5
     assert "geometric mean" in done.stdout
     assert done.stdout == (tmp_path / "compare.md").read_text()

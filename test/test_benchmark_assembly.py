@@ -1,4 +1,4 @@
-"""The scheduler's benchmark runs, and its bounds hold. How fast it is is no matter of a test."""
+"""The scheduler's benchmark runs, and its bounds hold. No test checks how fast it is."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ ASSEMBLY = Path(__file__).resolve().parents[1] / "benchmark" / "assembly.py"
 
 @pytest.mark.long
 def test_bounds_hold_in_a_crowd_and_of_hard_pairs(tmp_path):
-    # A script finds the modules beside it only where this is not set.
+    # A script finds the modules beside it only if this variable is not set.
     environment = {k: v for k, v in os.environ.items() if k != "PYTHONSAFEPATH"}
     command = [sys.executable, str(ASSEMBLY), "--quick", "--bodies", "12", "--out", str(tmp_path)]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)

@@ -17,7 +17,7 @@ from proximity_monitor import engine
 SURFACES = Path(__file__).resolve().parents[1] / "benchmark" / "surfaces.py"
 sys.path.insert(0, str(SURFACES.parent))
 
-from surface_scenes import teapot  # noqa: E402 - in a folder of programs, no package
+from surface_scenes import teapot  # noqa: E402 - its folder holds programs and is no package
 
 HAS_OCCT = importlib.util.find_spec("OCP") is not None
 

@@ -1,4 +1,4 @@
-"""The command line, where it needs no ROS."""
+"""The command line, as far as it needs no ROS."""
 
 import re
 import signal
@@ -151,7 +151,7 @@ def test_an_interrupt_while_python_imports_ends_it_quietly(how):
 
 
 def test_an_interrupt_that_comes_up_as_another_error_is_no_fault_of_the_scene(tmp_path):
-    """As numba's compiler and readers of files have it, which take it for bad input."""
+    """Numba's compiler and file readers take an interrupt for bad input and raise another error."""
     code = (
         "import signal, sys\n"
         "class CtrlC:\n"
@@ -176,7 +176,7 @@ def test_an_interrupt_that_comes_up_as_another_error_is_no_fault_of_the_scene(tm
 
 
 def test_what_an_interrupt_cut_is_never_destroyed():
-    """The destructor of an object of LLVM crashes where its constructor or owner was cut."""
+    """The destructor of an LLVM object crashes if its constructor or its owner was interrupted."""
     code = (
         "import os, signal, sys\n"
         "class Fragile:\n"

@@ -1,4 +1,4 @@
-"""What the documents say is so: links lead somewhere, programs run, generated pages are current."""
+"""The documents are right: links lead somewhere, programs run, generated pages are current."""
 
 import ast
 import importlib
@@ -25,25 +25,25 @@ LINK = re.compile(r"\]\(([^)\s]+)\)")
 
 
 def prose(page):
-    """A page without its programs."""
+    """Return a page without its programs."""
     return FENCED.sub("", page.read_text(encoding="utf-8"))
 
 
 def blocks(page, language):
-    """The programs of a page in a language, such as "python"."""
+    """Return the programs of a page in a language, such as "python"."""
     found = FENCED.findall(page.read_text(encoding="utf-8"))
     return [text.partition("\n")[2] for text in found if text.split("\n")[0].strip() == language]
 
 
 def anchors(page):
-    """The anchors of a page's headings, as GitHub and mkdocs make them."""
+    """Return the anchors of a page's headings, as GitHub and mkdocs make them."""
     headings = re.findall(r"^#+ (.+)$", prose(page), re.M)
     plain = [re.sub(r"[^\w\s-]", "", heading.lower()).strip() for heading in headings]
     return [re.sub(r"\s", "-", heading) for heading in plain]
 
 
 def tool(name):
-    """A program of the folder `tools`."""
+    """Import a program of the folder `tools`, and return it as a module."""
     spec = importlib.util.spec_from_file_location(name, ROOT / "tools" / f"{name}.py")
     made = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(made)
@@ -51,7 +51,7 @@ def tool(name):
 
 
 def rows(page, heading):
-    """The cells of the first table under a heading, without its title."""
+    """Return the cells of the first table under a heading, without the table's title row."""
     text = f"\n{page.read_text(encoding='utf-8')}".partition(f"\n{heading}\n")[2]
     lines = re.search(r"(?:^\|.*\n)+", text, re.M)[0].splitlines()
     return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines[2:]]
@@ -110,7 +110,7 @@ def test_the_readme_is_short():
 
 
 def test_figures_of_the_readme_are_those_of_the_page_on_speed():
-    """The readme's are a choice of them; `make bench` makes both."""
+    """The readme has a selection of the page's figures; `make bench` makes both."""
     found = {row[1]: row for row in rows(DOCS / "speed.md", "# How fast")}
     chosen = rows(ROOT / "README.md", "## How fast")
     assert len(chosen) == 4
@@ -122,7 +122,7 @@ def test_figures_of_the_readme_are_those_of_the_page_on_speed():
 
 
 def test_the_keys_of_a_scene_file_are_the_schema_s():
-    """If this fails: python tools/write_scene_keys.py."""
+    """If this fails, run `python tools/write_scene_keys.py`."""
     writer = tool("write_scene_keys")
     schema = json.loads(writer.SCHEMA.read_text(encoding="utf-8"))
     page = writer.page(schema)
@@ -167,7 +167,7 @@ def test_the_reference_has_every_public_name():
 
 
 def test_the_programs_of_the_documents_run(tmp_path, monkeypatch, capsys):
-    """That of the readme in an empty folder, that of the library beside the file it names."""
+    """The readme's program runs in an empty folder, the library's beside the STL file it names."""
     monkeypatch.chdir(tmp_path)
     for page in (ROOT / "README.md", DOCS / "library.md"):
         (program,) = blocks(page, "python")
@@ -205,7 +205,7 @@ def test_example_of_two_parts(run):
     *shown, _ = run("clearance.py", "ring.stl", "pin.stl")
     bounds = np.array([re.findall(r"\d+\.\d{6}", line) for line in shown], float)
     assert (bounds[:, 0] <= bounds[:, 1]).all()
-    # On the axis, the gap of two prisms of 64 sides is less than that of the circles.
+    # On the axis, the gap between two prisms of 64 sides is smaller than between circles.
     assert bounds[-1] == pytest.approx(0.05 * np.cos(np.pi / 64), abs=1e-6)
 
 
@@ -227,7 +227,7 @@ def test_example_of_curved_parts(run):
     assert 0.0 <= upper - lower < 1e-6
     assert vase.startswith("  on the vase: profile") and sheet.startswith("  on the sheet: patch 0")
     assert last.startswith("after a change of 20.0 mm: ")
-    # The vase grew by 20 mm below the sheet, whose slope keeps the nearest points apart.
+    # The vase grew by 20 mm below the sheet. The sheet slopes, so the clearance shrank by less.
     assert upper - 20.0 <= float(last.split()[-2]) < upper
 
 
@@ -244,7 +244,7 @@ def test_example_of_all_kinds(run):
 
 
 def test_example_of_a_scene_without_ros(run):
-    """The bundled peg tells in its comments what there is to see."""
+    """The comments in the bundled scene of the peg say which states are to be seen."""
     lines = run("watch_a_scene.py")
     assert lines[0].startswith(" 0.0 s  peg - block: clear")
     assert [line.split()[5] for line in lines] == ["clear:", "warn:", "clear:", "warn:", "clear:"]

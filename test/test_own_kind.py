@@ -1,6 +1,6 @@
-"""A kind of model of one's own, from its file to the monitor; `test_page.py` takes it to the page.
+"""A kind of model from another package, from file to monitor; `test_page.py` shows it on the page.
 
-Its package stands in `kinds/`, beside what an installer writes about it.
+The other package is in `kinds/`, with the metadata that an installer writes about it.
 """
 
 import math
@@ -117,5 +117,5 @@ def test_it_falls_and_comes_to_rest():
     world = World([ball, floor], forces, 0.0025)
     for _ in range(100):
         world.step()
-    # The triangles that show it are what falls; their corners lie on the ball.
+    # The ball falls as the triangles that display it; their corners lie on the ball.
     assert RADIUS < world.poses()[0][2, 3] < 1.02 * RADIUS

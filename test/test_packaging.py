@@ -18,7 +18,7 @@ ROOT = Path(__file__).resolve().parents[1]
 NAME = "proximity_monitor"
 MANIFEST = ElementTree.parse(ROOT / "package.xml").getroot()
 
-# rosdep's names for what is not a ROS package; a ROS package is its own key.
+# rosdep's keys of packages that are not ROS packages; the key of a ROS package is its name.
 ROSDEP = {
     "jsonschema": "python3-jsonschema",
     "matplotlib": "python3-matplotlib",
@@ -54,7 +54,7 @@ def test_the_manifest_makes_colcon_see_a_ros_package():
     assert MANIFEST.findtext("name") == NAME
     assert MANIFEST.findtext("export/build_type") == "ament_python"
     assert MANIFEST.findtext("license") == setup_argument("license") == "Apache-2.0"
-    # An address that catkin_pkg refuses turns the package into a plain Python one, silently.
+    # If catkin_pkg refuses the address, colcon silently takes this for a plain Python package.
     address = MANIFEST.find("maintainer").get("email")
     assert re.fullmatch(r"[-\w.+]+@[-\w]+(\.[-\w]+)+", address)
     assert setup_argument("maintainer_email") == address
@@ -99,7 +99,7 @@ def test_launch_files_take_the_usual_arguments(name):
 
 
 def calls(name, function):
-    """The calls of a function in a launch file, in the order of their places."""
+    """Return the calls of a function in a launch file, in the order of their lines."""
     tree = ast.parse((ROOT / "launch" / f"{name}.launch.py").read_text())
     found = [n for n in ast.walk(tree) if isinstance(n, ast.Call)]
     found.sort(key=lambda call: call.lineno)
@@ -116,7 +116,7 @@ def test_the_end_of_what_launch_started_ends_the_rest(name, count):
 
 
 def test_launch_looks_for_rviz_before_it_starts_anything():
-    """An error in a launch file ends launch, but not what it started before."""
+    """An error in a launch file ends launch, but not the processes that it started before."""
     functions = [call.keywords[0].value.id for call in calls("monitor", "OpaqueFunction")]
     assert functions == ["viewer", "monitor"]
     included, node = calls("demo", "IncludeLaunchDescription") + calls("demo", "Node")
@@ -128,7 +128,7 @@ def test_launch_looks_for_rviz_before_it_starts_anything():
 
 @pytest.fixture
 def prefix() -> Path:
-    """Where the package is installed, by colcon or pip."""
+    """The prefix under which colcon or pip has installed the package."""
     for text in (*os.environ.get("AMENT_PREFIX_PATH", "").split(":"), sys.prefix):
         path = Path(text)
         if text and (path / "share/ament_index/resource_index/packages" / NAME).is_file():

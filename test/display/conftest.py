@@ -1,8 +1,8 @@
-"""A monitor, a display and a browser, each in a process of its own; the poses come from here.
+"""Fixtures of the page's tests: monitor, display and browser as processes, and a source of poses.
 
-They end with the page's tests: all later ones would share the cores with them.
-Nothing here sleeps: whoever waits looks again until a condition holds or a deadline passes. A busy
-machine lets the page lag by seconds, so whatever it shows is waited for.
+The processes end with each test file, because later tests would have to share the cores with them.
+Nothing here sleeps for a fixed time: a wait checks its condition again until it holds or a deadline
+passes. On a busy machine the page lags by seconds, so the tests wait for everything that it shows.
 """
 
 from __future__ import annotations
@@ -43,25 +43,25 @@ pairs:
     - {between: [cursor, solids], thresholds: {warn: 2, stop: 1}, range: 300}
 """
 KINDS = Path(__file__).parents[1] / "kinds"
-"""Where the package is that brings the ball's kind of model; see `test_own_kind.py`."""
+"""The folder of the package that adds the ball's kind of model; see `test_own_kind.py`."""
 START = {"ball": (-0.2, 0.0, 0.3), "die": (0.2, 0.0, 0.3), "cursor": (0.2, -0.2, 0.3)}
 LOOK_S = 0.1
 SAID = 3000
-"""Characters that a failed test tells of what a process said last."""
+"""Number of characters of a process's latest output in the report of a failed test."""
 RETRY_S = 2.0
 
-# Without a graphics card, on a machine that may be busy.
+# For a machine without a graphics card that may be busy.
 FLAGS = (
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
     "--ignore-gpu-blocklist",
-    "--disable-gpu-compositing",  # the scene alone needs it, and the panel costs more than that
-    "--no-sandbox",  # it cannot be had as root, which is what a container runs as
+    "--disable-gpu-compositing",  # only the scene needs the GPU; the panel would cost more on it
+    "--no-sandbox",  # root cannot have a sandbox, and containers run as root
 )
 
 
 def until(condition, what, timeout_s=DEADLINE_S):
-    """Look until the condition returns something true, and return that."""
+    """Call the condition until it returns something true, and return that."""
     deadline = time.monotonic() + timeout_s
     while not (found := condition()):
         assert time.monotonic() < deadline, f"waited for {what}"
@@ -70,7 +70,7 @@ def until(condition, what, timeout_s=DEADLINE_S):
 
 
 def agree(check, timeout_s=DEADLINE_S):
-    """Run a function of assertions until none of them fails, and return what it returns."""
+    """Call `check` until none of its assertions fails, and return its result."""
     deadline = time.monotonic() + timeout_s
     while True:
         try:
@@ -82,7 +82,7 @@ def agree(check, timeout_s=DEADLINE_S):
 
 
 def pytest_collection_modifyitems(items):
-    """Mark what drives a browser."""
+    """Mark the tests that drive a browser."""
     for item in items:
         if "browser" in getattr(item, "fixturenames", ()):
             item.add_marker("browser")
@@ -90,7 +90,7 @@ def pytest_collection_modifyitems(items):
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(item, call):
-    """Say what the pages showed when a test failed, and what the display's process said."""
+    """Add the pages' texts and the display's output to the report of a failed test."""
     report = yield
     if not report.failed:
         return report
@@ -100,7 +100,7 @@ def pytest_runtest_makereport(item, call):
     browser = item.funcargs.get("browser")
     pages = [] if browser is None else [page for each in browser.contexts for page in each.pages]
     for page in pages:
-        with suppress(Exception):  # the failure itself is told in any case
+        with suppress(Exception):  # the report has the failure itself in any case
             report.sections.append((f"page {page.url}", page.inner_text("body", timeout=2e3)))
     return report
 
@@ -116,7 +116,7 @@ def eventually():
 
 
 class Sources:
-    """Publishes the poses of bodies 30 times a second, and hears what the display publishes."""
+    """Publishes the poses of bodies 30 times a second, and receives the display's poses."""
 
     def __init__(self, domain, monitor):
         import rclpy
@@ -153,26 +153,26 @@ class Sources:
         self._context.try_shutdown()
 
     def release(self, name):
-        """Be silent about a body."""
+        """Stop publishing the pose of a body."""
         del self._held[name]
-        # After that, so that of this moment's poses none counts as another's.
+        # Taken after the deletion, so that no pose published here counts as the display's.
         self._released_ns[name] = self.node.get_clock().now().nanoseconds
 
     def move(self, name, position):
-        """Publish a body elsewhere."""
+        """Publish a body at another position from now on."""
         self._held[name] = position
 
     def restore(self):
-        """Publish all bodies where they began."""
+        """Publish all bodies at their start positions again."""
         self._held = dict(START)
 
     def heard(self, name):
-        """The position and quaternion that others gave a released body last; None: not yet."""
+        """Return the last pose (position, quaternion) from others of a released body, or None."""
         stamp_ns, pose = self._last.get(name, (0, None))
         return pose if stamp_ns > self._released_ns[name] else None
 
     def parameter(self, name):
-        """The value of a parameter of the monitor, a number."""
+        """Return the value of a numeric parameter of the monitor."""
         from rcl_interfaces.srv import GetParameters
 
         until(self._get.service_is_ready, "the service of parameters")
@@ -180,7 +180,7 @@ class Sources:
 
         def answered():
             nonlocal asked_s
-            # An answer is lost where the server has not heard of this client yet.
+            # An answer is lost if the server has not discovered this client yet.
             if time.monotonic() > asked_s + RETRY_S:
                 asked_s = time.monotonic()
                 asked.append(self._get.call_async(GetParameters.Request(names=[name])))
@@ -192,7 +192,7 @@ class Sources:
         from rclpy.executors import InvalidHandle
 
         while not self._ended.is_set():
-            # The executor trips over what a test's own thread destroys meanwhile, but can go on.
+            # A test's own thread may destroy a subscription meanwhile; the executor can go on.
             with suppress(InvalidHandle):
                 self._executor.spin_once(timeout_sec=0.05)
 
@@ -219,7 +219,7 @@ class Sources:
 
 @pytest.fixture(scope="module")
 def scene_file(tmp_path_factory):
-    """Each file's own, as what is decided about pairs is kept beside it."""
+    """A scene file for each test file, because decisions about pairs are kept beside it."""
     path = tmp_path_factory.mktemp("display_scene") / "cell.yaml"
     path.write_text(SCENE)
     (path.parent / "a.ball").write_text("0 0 0 100")
@@ -228,7 +228,7 @@ def scene_file(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def world(scene_file):
-    """The scene and its models, loaded here as a user of the library would."""
+    """The scene and its models, loaded as a user of the library would load them."""
     from proximity_monitor.scene import load_scene
     from proximity_monitor.scene.opening import load_models
 
@@ -238,7 +238,7 @@ def world(scene_file):
 
 @pytest.fixture
 def of_engine(world, as_matrix):
-    """The distance in metres, and its points, that the library gives for two bodies."""
+    """A function that returns the library's signed distance (m) of a pair, with its points."""
     from proximity_monitor import engine
 
     scene, models = world
@@ -255,7 +255,7 @@ def of_engine(world, as_matrix):
 
 @pytest.fixture(scope="session")
 def domain(ros_environment):
-    """A DDS domain besides that of other folders' tests, whose monitor has the same name."""
+    """A DDS domain apart from that of other folders' tests, whose monitor has the same name."""
     return str(int(os.environ["ROS_DOMAIN_ID"]) + 50)
 
 
@@ -277,7 +277,7 @@ def browser():
 
 @pytest.fixture(scope="module")
 def sources(browser, domain, launch_for_all, scene_file):
-    """The poses of all bodies, of which a monitor hears."""
+    """A source of the poses of all bodies, and a monitor that receives them."""
     python_path = os.pathsep.join(filter(None, (str(KINDS), os.environ.get("PYTHONPATH"))))
     environment = {"ROS_DOMAIN_ID": domain, "PYTHONPATH": python_path}
     monitor = launch_for_all(
@@ -291,7 +291,7 @@ def sources(browser, domain, launch_for_all, scene_file):
 
 @pytest.fixture(scope="module")
 def start_display(sources, domain, launch_for_all):
-    """Starts a display at a port."""
+    """A function that starts a display at a port, and returns its process and its address."""
     pytest.importorskip("viser", reason="viser is not installed: pip install '.[display]'")
     started = []
 
@@ -307,19 +307,19 @@ def start_display(sources, domain, launch_for_all):
 
 @pytest.fixture(scope="module")
 def display(start_display):
-    """The display's process, and where it is."""
+    """The display's process and its address."""
     return start_display(0)
 
 
 @pytest.fixture(scope="module")
 def address(display):
-    """Where the display is."""
+    """The display's address."""
     return display[1]
 
 
 @pytest.fixture(scope="module")
 def open_page(browser, address, sources):
-    """Opens the page once more."""
+    """A function that opens the page once more, and waits for its list of pairs."""
 
     def open_page():
         page = opened(browser, address)
@@ -351,7 +351,7 @@ def server():
 
 @pytest.fixture
 def raw(server):
-    """A browser at that server that is none; see there."""
+    """A connection to the server that stands in for a browser; see `RawBrowser`."""
     from raw_browser import RawBrowser
 
     made = RawBrowser(server)
@@ -361,7 +361,7 @@ def raw(server):
 
 @pytest.fixture
 def alone(server, raw, monkeypatch, tmp_path):
-    """That browser's page, with a scene, and all that it shares with others."""
+    """The page of `raw`, with a scene, and all that it shares with other pages."""
     from page_alone import page_of
 
     return page_of(server, raw.client, monkeypatch, tmp_path / "cell.conflicts.json")

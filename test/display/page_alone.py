@@ -1,4 +1,4 @@
-"""A page that no Chromium shows, and what a monitor would tell it."""
+"""A page without a real browser, and the messages that a monitor would send it."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def frame(stamp_s, clearance=0.3, level=0, poses=(HERE, THERE)):
 
 
 def page_of(server, client, monkeypatch, conflicts):
-    """The page of one browser, with all that it shares with others."""
+    """Return the page of one browser, with a scene, and all that it shares with other pages."""
     monkeypatch.setattr(all_pages, "STEP_S", np.inf)
     monkeypatch.setattr(pages, "TABLE_S", 0.0)
     monkeypatch.setattr(pages, "LONGEST_S", 0.0)
@@ -77,7 +77,7 @@ def page_of(server, client, monkeypatch, conflicts):
 
 
 def words(html):
-    """The words while the news is fresh."""
+    """Return the text that is shown while the data is fresh."""
     content = re.sub("<span class=pm-then>[^<]*</span>", "", html.content)
     return re.sub(r"\s+", " ", re.sub(r"<[^>]*>", " ", content)).strip()
 

@@ -1,4 +1,4 @@
-"""What a hand and an eye do on the page, in Chromium."""
+"""What the tests do and read on the page in Chromium, as a user's hand and eye would."""
 
 from __future__ import annotations
 
@@ -11,16 +11,17 @@ import numpy as np
 from deadlines import DEADLINE_S, START_DEADLINE_S
 
 SAVE_MS = 180_000.0
-# Notes of the library, such as that the graphics are software, would lie on the picture.
+# Hides the library's notifications, such as that of software graphics: they cover the picture.
 NO_NOTES = """addEventListener('DOMContentLoaded', () => {
   const style = document.createElement('style');
   style.textContent = '.mantine-Notification-root { display: none !important }';
   document.head.append(style);
 })"""
-# Pictures are made ten times a second, and where one takes long, for a third of the time: each
-# costs a machine without a graphics card as much as all that is looked at besides, and nobody sees
-# those in between. None is put off for more than half a second. The next takes in all that has come
-# meanwhile, and takes as much longer: on a busy machine each was put off longer than the last.
+# Draws about ten pictures a second. If a picture takes long, the next one waits for twice that time
+# but for half a second at most. Without a graphics card a picture costs as much as all else that a
+# test looks at, and nobody sees the skipped ones. The limit is needed because after a longer wait
+# there is more to draw, which takes longer: on a busy machine each picture waited longer than the
+# last.
 SELDOM = """(() => {
   const frame = requestAnimationFrame.bind(window), waiting = new Map();
   let made = 0, took = 0, planned = false;
@@ -49,7 +50,7 @@ SELDOM = """(() => {
   };
   window.cancelAnimationFrame = i => { waiting.delete(i); };
 })()"""
-# The world position of a node's local point on the screen, in CSS pixels.
+# Where a node's local point is on the screen, in CSS pixels.
 ON_SCREEN = """([name, local]) => {
   const m = window.__viserMutable, node = m.nodeRefFromName[name];
   node.updateWorldMatrix(true, false);
@@ -58,7 +59,7 @@ ON_SCREEN = """([name, local]) => {
   const r = m.canvas.getBoundingClientRect();
   return [r.left + (p.x + 1) * r.width / 2, r.top + (1 - p.y) * r.height / 2];
 }"""
-# How long the arrows of the gizmo are, in the page's units.
+# The length of the gizmo's arrows, in the page's units.
 LENGTH = """() => {
   let length = null;
   window.__viserMutable.nodeRefFromName['/gizmo'].traverse(each => {
@@ -66,7 +67,7 @@ LENGTH = """() => {
   });
   return length;
 }"""
-# Whether the pointer is at one of its handles.
+# Whether the pointer is at one of the gizmo's handles.
 LIT = """() => {
   let lit = false;
   window.__viserMutable.nodeRefFromName['/gizmo'].traverse(each => {
@@ -76,17 +77,17 @@ LIT = """() => {
 }"""
 CANVAS = "() => window.__viserMutable.canvas.getBoundingClientRect().toJSON()"
 CAMERA = "() => window.__viserMutable.camera.position.toArray()"
-# Comes when what is known now is drawn.
+# Resolves when everything that is known now is drawn.
 DRAWN = "() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))"
-# Comes when what was put into inputs is sent: the library sends one message in 50 ms, and of those
-# that come meanwhile the last one alone, whichever input it is of.
+# Resolves when a value just put into an input is sent. The library sends one message in 50 ms; of
+# the values that come meanwhile it sends only the last, whichever input that belongs to.
 SENT = "() => new Promise(done => setTimeout(done, 100))"
 # The texts of the labels that are shown under a node.
 TEXTS = """under => Object.entries(window.__viserSceneTree.getState())
   .filter(([name, node]) => name.startsWith(under) && node.effectiveVisibility)
   .map(([, node]) => node.message.props.text).filter(text => text)"""
 OPACITY = "i => window.__viserSceneTree.getState()[`/parts/${i}/mesh`].message.props.opacity"
-# How far the corners of a part's mesh are from its origin at most.
+# The largest distance of a corner of a part's mesh from the part's origin.
 REACH = """i => {
   const props = window.__viserSceneTree.getState()[`/parts/${i}/mesh`].message.props;
   const bytes = props.vertices, at = bytes.byteOffset ?? 0;
@@ -97,13 +98,13 @@ REACH = """i => {
   return reach;
 }"""
 ROWS = "all => all.map(r => [r.dataset.pair, [+r.dataset.lower, +r.dataset.upper, r.innerText]])"
-# Of the list of pairs alone: those of conflicts and of events are pressed to look back.
+# Only rows of the list of pairs: a press on a row of conflicts or events looks back instead.
 CHOSEN = "#pm-pairs .pm-row.pm-chosen"
 HIDDEN = "#pm-pairs ~ .pm-small .pm-press"
 
 
 def address_of(display, wait):
-    """Where a display's process tells that its page is."""
+    """Return the address that a display's process prints for its page."""
 
     def told():
         assert display.popen.poll() is None, display.text
@@ -114,7 +115,7 @@ def address_of(display, wait):
 
 
 def opened(browser, address, width=1000, height=640):
-    """A page of the browser at an address; its `errors` are those that its scripts made."""
+    """Open a page at an address, and return it; its `errors` are those of its scripts."""
     page = browser.new_page(
         viewport={"width": width, "height": height}, accept_downloads=True, device_scale_factor=1
     )
@@ -128,12 +129,12 @@ def opened(browser, address, width=1000, height=640):
 
 
 def decoded(png):
-    """The pixels (height, width, 3) of a PNG."""
+    """Return the pixels (height, width, 3) of a PNG."""
     return np.asarray(iio.imread(png, extension=".png"))[..., :3]
 
 
 def ball_is_blue(page, pixels):
-    """Whether a picture of the canvas shows the ball's colour in its middle."""
+    """Return whether a picture of the canvas shows the ball's colour in the ball's middle."""
     x, y = page.evaluate(ON_SCREEN, ["/parts/1", [0, 0, 0]])
     canvas = page.evaluate(CANVAS)
     assert pixels.shape[:2] == (canvas["height"], canvas["width"])
@@ -146,12 +147,12 @@ def lines_of(file):
 
 
 def listed(page):
-    """Of each pair in the list, in its order, the bounds in metres and the text."""
+    """Return the bounds (m) and the text of each pair, in the order of the list."""
     return dict(page.eval_on_selector_all("#pm-pairs .pm-row", ROWS))
 
 
 def row(page, pair):
-    """The bounds of a pair and its text, as the list shows them now."""
+    """Return the bounds (m) and the text of a pair, as the list shows them now."""
     return listed(page).get(pair, (np.nan, np.nan, "not listed"))
 
 
@@ -160,7 +161,7 @@ def word(page):
 
 
 def press(page, selector):
-    """Press what the panel's own text has; that goes through an input as well."""
+    """Press an element in the panel's HTML; the press is sent through an input as well."""
     page.locator(selector).first.dispatch_event("pointerdown")
     page.evaluate(SENT)
 
@@ -170,20 +171,20 @@ def tab(page, name):
 
 
 def field(page, label, i=0):
-    """The input with a label, or the i-th of several in a row."""
+    """Return the input with a label, or the i-th if the label has several in a row."""
     return page.locator(f"xpath=//label[.='{label}']/ancestor::*[.//input][1]//input").nth(i)
 
 
 def enter(page, label, text, i=0):
-    """Put a text into an input, no faster than a hand goes on to the next one."""
+    """Put a text into an input, and take as long as a hand takes to reach the next input."""
     field(page, label, i).fill(text)
     page.evaluate(SENT)
 
 
 def select(page, found, option):
-    """Choose of a list that is searched; it may open beyond the panel's half.
+    """Choose an option of a searchable list, which may open beyond the panel's half of the window.
 
-    The option itself is pressed: keys that come before the list is drawn choose nothing.
+    The option itself is pressed, because keys that come before the list is drawn choose nothing.
     """
     found.fill(option)
     options = page.locator(f"[id='{found.get_attribute('aria-controls')}'] [role=option]")

@@ -1,4 +1,4 @@
-"""The peg in its bore on the page: where it is, what is drawn, and a hand that drags it."""
+"""Helpers for the peg in its bore on the page: they read its pose and the picture, and drag it."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ POSITION = "name => window.__viserMutable.nodeRefFromName[name].position.toArray
 
 
 def held(page):
-    """The peg's position in mm, where the picture has it: the fields show what is typed at once."""
+    """Return the peg's position (mm) in the picture: the fields show typed numbers at once."""
     return [100.0 * x for x in page.evaluate(POSITION, "/parts/0")]  # the page's unit is 0.1 m
 
 
 def turned(page):
-    """Its turn in degrees."""
+    """Return the peg's turn in degrees."""
     return [float(field(page, "Turn [deg]", i).input_value()) for i in range(3)]
 
 
-# The corners of the lines of a node, three numbers each.
+# The end points of a node's lines, three numbers each.
 CORNERS = """name => {
   const bytes = window.__viserSceneTree.getState()[name].message.props.points;
   const at = bytes.byteOffset ?? 0;
@@ -48,7 +48,7 @@ IS_SHOWN = "name => window.__viserSceneTree.getState()[name]?.effectiveVisibilit
 
 
 def gap_on_screen(page):
-    """Where the closest points of the one pair are on the screen, (2, 2) in pixels."""
+    """Return where the closest points of the only pair are on the screen, (2, 2) in pixels."""
     ends = np.array(page.evaluate(CORNERS, "/distances/points")).reshape(-1, 2, 3)[:, 0]
     assert len(ends) == 2
     page.evaluate(DRAWN)
@@ -61,7 +61,7 @@ BAND = """name => {
 }"""
 
 
-# How many pixels are between two clearances in the plot, and whether the plot shows a third.
+# The pixels between two clearances in the plot, the place of a third, and the plot's height.
 IN_PLOT = """([first, second, third]) => {
   const {chart} = Object.values(window.__viserTestpoints.uplots)[0];
   const at = value => chart.valToPos(value, 'y');
@@ -69,7 +69,7 @@ IN_PLOT = """([first, second, third]) => {
 }"""
 
 
-# Whether the middle of an element is what a press there would meet.
+# Whether a press on the middle of an element reaches it, because nothing covers it there.
 UNCOVERED = """each => {
   each.scrollIntoView({block: 'nearest'});  // within the panel's own half
   const r = each.getBoundingClientRect();
@@ -79,7 +79,7 @@ UNCOVERED = """each => {
 
 
 def dragged(page, axis, pixels):
-    """Drag the arrow of an axis by so many pixels along itself."""
+    """Drag the arrow of an axis along itself by some pixels, and keep the button pressed."""
     handle = 0.75 * page.evaluate(LENGTH) * np.eye(3)[axis]
     page.evaluate(DRAWN)
     begin = np.array(page.evaluate(ON_SCREEN, ["/gizmo", handle.tolist()]))
@@ -92,7 +92,7 @@ def dragged(page, axis, pixels):
 
 
 def pick(page, label, option):
-    """Choose of a list."""
+    """Choose an option of a list."""
     field(page, label).click()
     page.locator("[role=option]:visible").get_by_text(option, exact=True).click()
     page.evaluate(SENT)
@@ -102,7 +102,7 @@ def at_place(page, place):
     return held(page) == pytest.approx(place, abs=1e-6)
 
 
-# Where nodes' origins are at one moment, in units of the page.
+# The positions of nodes' origins at one moment, in the page's units.
 PLACES = """names => names.map(name => {
   const node = window.__viserMutable.nodeRefFromName[name];
   node.updateWorldMatrix(true, false);
@@ -111,17 +111,17 @@ PLACES = """names => names.map(name => {
 
 
 def place(page):
-    """Where the peg is drawn, in units of the page; its fields may be told later."""
+    """Return where the peg is drawn, in the page's units; its fields may be updated later."""
     return np.array(page.evaluate(PLACES, ["/parts/0"])[0])
 
 
 def apart(page):
-    """How far its handles are from the peg, in the same units."""
+    """Return the vector from the peg to its handles, in the page's units."""
     return np.subtract(*page.evaluate(PLACES, ["/gizmo", "/parts/0"]))
 
 
 def end_drag(page, wait, before):
-    """End a drag; then the peg, which follows by steps, is `apart` from its handles as before."""
+    """End a drag, and wait until the peg, which follows in steps, is at its handles as before."""
     page.mouse.up()
     page.evaluate(SENT)
     wait(lambda: apart(page) == pytest.approx(before, abs=1e-6), "the peg at its handles")
@@ -131,13 +131,13 @@ WIDTH = "image => image.complete && image.naturalWidth"
 
 
 def newest_stop(page):
-    """What is listed of the newest event at which the peg came too near; empty: there is none."""
+    """Return the row of the newest event in which the clearance fell below stop; empty: none."""
     stops = page.locator("#pm-events .pm-row", has_text="→ ■ STOP")
     return stops.first.inner_text() if stops.count() else ""
 
 
 def look_back_at_stop(page, wait, before=""):
-    """Press the newest of these events, once it is another than that before."""
+    """Press the row of the newest stop event, once it differs from the row `before`."""
     tab(page, "Session")
     wait(lambda: newest_stop(page) not in ("", before), "the event in the list")
     stop = page.locator("#pm-events .pm-row", has_text="→ ■ STOP").first
@@ -145,14 +145,14 @@ def look_back_at_stop(page, wait, before=""):
 
 
 def picture_of_event(page, wait):
-    """The pixels of the picture of the event that is looked at."""
+    """Return the pixels of the picture of the event that is looked at."""
     picture = page.locator("#pm-event img")
     wait(lambda: picture.count() and picture.evaluate(WIDTH) > 200, "the picture")
     return decoded(base64.b64decode(picture.get_attribute("src").partition(",")[2]))
 
 
 def back_to_live(page, wait):
-    """Look at the present again, and at all pairs."""
+    """Return to the present, and end the highlighting of a pair."""
     button(page, "Back to live").click()
     wait(lambda: page.get_attribute("#pm-connection", "data-state") == "live", "the present")
     tab(page, "Clearances")
@@ -160,7 +160,7 @@ def back_to_live(page, wait):
 
 
 def put_there(page, wait, *place):
-    """Type a position of the peg in mm, and wait until the page shows it there, upright."""
+    """Type a position of the peg in mm, upright, and wait until the page shows the peg there."""
     choose(page, "peg")
     for i in range(3):
         enter(page, "Turn [deg]", "0", i)
@@ -171,7 +171,7 @@ def put_there(page, wait, *place):
 
 
 def let_go(page):
-    """Leave the peg to its own source."""
+    """Let the peg go, so that its own source moves it."""
     choose(page, "peg")
     release = button(page, "Let go: its own source moves it")
     if release.is_enabled():

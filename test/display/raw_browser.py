@@ -1,4 +1,4 @@
-"""A browser without a picture: it says what Chromium would, and whatever else it is told to say."""
+"""A browser without a picture: it sends what Chromium would, and any other message on request."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ CAMERA = {
 
 
 class RawBrowser:
-    """A connection that hears everything, and keeps the last of it."""
+    """A connection that receives every message, and keeps the last one."""
 
     def __init__(self, server):
         self.messages = 0
-        """So many have been heard."""
+        """The number of messages received."""
         self.last = {}
-        """What the last of them told."""
+        """The content of the last message."""
         before = set(server.get_clients())
         address = f"ws://127.0.0.1:{server.get_port()}"
         self._socket = connect(address, subprotocols=[f"viser-v{viser.__version__}"])
@@ -46,19 +46,19 @@ class RawBrowser:
         self.client = server.get_clients()[new.pop()]
 
     def inputs(self):
-        """All inputs of the panel."""
+        """Return all inputs of the panel."""
         return list(self.client.gui._gui_input_handle_from_uuid.values())
 
     def say(self, kind, **fields):
-        """Send a message, however wrong."""
+        """Send a message, valid or not."""
         self._socket.send(msgspec.msgpack.encode({"type": kind} | fields))
 
     def set(self, handle, value):
-        """Send another value of an input."""
+        """Send a new value of an input."""
         self.say("GuiUpdateMessage", uuid=handle._impl.uuid, updates={"value": value})
 
     def heard(self, server):
-        """Wait until all that was said has been read: a moved camera is the last of it."""
+        """Wait until the server has read all messages: send a moved camera, and wait for it."""
         place = [time.monotonic() % 1e3, 0.0, 0.0]
         self.say("ViewerCameraMessage", **CAMERA | {"position": place})
         deadline = time.monotonic() + DEADLINE_S

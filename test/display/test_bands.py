@@ -1,4 +1,4 @@
-"""Bands: which places of a part are nearer than stop or warn, and how far that is certain."""
+"""Bands: which places of a part are nearer than stop or warn, and how certain that is."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -38,14 +38,14 @@ def part(corners):
 
 
 def point(*place, limits=LIMITS):
-    """A point at a place, as another part."""
+    """Return a point at a place, as another part."""
     return Other(
         model_of(part(np.zeros((1, 3, 3))), True), matrix(np.array([*place, 1, 0, 0, 0])), limits
     )
 
 
 def distances(corners, place, rng):
-    """Of random points of triangles to a place."""
+    """Return the distances of random points of triangles from a place."""
     weights = rng.dirichlet(np.ones(3), size=(len(corners), 8))
     return np.linalg.norm(weights @ corners - place, axis=2)
 
@@ -123,7 +123,7 @@ BALL = engine.SolidOfRevolution([engine.Curve([[0, -1], [2, -1], [2, 1], [0, 1]]
 
 
 def drawn(model, tolerance):
-    """A body as the page gets it."""
+    """Return a model as the part that the page gets."""
     shown = model.display_mesh(tolerance)
     corners = shown.corners().reshape(-1, 3)
     return Part(HERE, np.ones(4), corners, solid=model.is_solid, deviation=shown.off)
@@ -171,7 +171,7 @@ def test_no_band_is_certain_that_depends_on_how_far_what_is_drawn_is_off(own):
             square.deviation,
         )
         found = bands(PLATE, [there], budget_s=60.0, deviation=own)
-        assert (found.band == BELOW_WARN).all()  # of what is drawn
+        assert (found.band == BELOW_WARN).all()  # of the drawn triangles
         assert found.deviation_m == (0.0 if certain else pytest.approx(deviation))
     square.deviation = np.inf
     unknown = Other(model_of(square, False), np.eye(4), LIMITS, np.inf)
@@ -198,7 +198,7 @@ def test_what_bands_depend_on_is_looked_up_once_a_tick_and_only_near_the_part(mo
 
 
 class Coats(dict):
-    """What is drawn of parts, without a browser."""
+    """Stands in for the page's parts without a browser, and keeps the drawn coats."""
 
     scale = 1.0
 
@@ -207,7 +207,7 @@ class Coats(dict):
 
 
 def test_bands_that_time_has_cut_are_made_again_with_more_of_it(monkeypatch):
-    """Else they stayed as coarse as a busy machine had made them, for as long as all rests."""
+    """Otherwise bands that were cut on a busy machine would stay coarse while all parts rest."""
     given, make = [], bands_of.bands
 
     def made(corners, others, budget_s, deviation):

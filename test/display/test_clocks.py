@@ -1,4 +1,4 @@
-"""A session ends where its clock does, and so does all that pages show of it."""
+"""A session ends when its clock jumps, and so does everything that pages show of it."""
 
 import numpy as np
 import pytest
@@ -29,7 +29,7 @@ def test_what_a_page_shows_of_an_older_session_ends_with_it(page):
     page.tell(frame=frame(2.0))
     assert page.choice.at_s is page.choice.seen is None
     assert page.all._shown.frame.stamp_s == 2.0
-    # A press on its row, which the browser may still show, goes to no other event.
+    # The browser may still show the first event's row: a press on it goes to no other event.
     page.tell(frame=frame(3.0, 0.01, STOP))
     (second,) = page.events.all
     page.all._on_word(f"event:{first.number}")

@@ -1,4 +1,4 @@
-"""The states' colours as people see them, of whom some do not see all colours."""
+"""The states' colours as people see them, with and without colour blindness."""
 
 import re
 from itertools import combinations
@@ -50,11 +50,11 @@ STATES = {
     )
 }
 LEAST = 15.0
-"""Least difference in CIELAB, of which about 2.3 are just noticed."""
+"""Least difference in CIELAB units; a difference of about 2.3 is just noticed."""
 
 
 def lab(colour, seen):
-    """CIELAB of a colour, 0 to 255, as it is seen."""
+    """Return the CIELAB values of a colour (0 to 255) as seen with `seen`, a matrix of `SEEN`."""
     c = np.asarray(colour, float) / 255.0
     light = np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4)
     xyz = TO_XYZ @ np.clip(np.array(seen) @ light, 0.0, 1.0) / TO_XYZ.sum(axis=1)
@@ -63,7 +63,7 @@ def lab(colour, seen):
 
 
 def apart(colours, seen):
-    """The least difference of any two of them, and which these are."""
+    """Return the least difference between any two colours, and the names of the two."""
     labs = {name: lab(colour, seen) for name, colour in colours.items()}
     return min((float(np.linalg.norm(labs[a] - labs[b])), a, b) for a, b in combinations(labs, 2))
 
@@ -83,7 +83,7 @@ def test_the_bands_are_told_apart(who):
 
 
 def drawn(colour):
-    """What three.js draws of a line that is sent so: the film curve of ACES, seen in a browser."""
+    """Return the colour in which three.js draws a line of a sent colour: the ACES film curve."""
     v = inks._INTO @ (np.asarray(colour, float) / 255.0 / 0.6)
     v = (v * (v + 0.0245786) - 0.000090537) / (v * (0.983729 * v + 0.4329510) + 0.238081)
     light = np.clip(inks._OUT_OF @ v, 0.0, 1.0)

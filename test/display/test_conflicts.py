@@ -1,4 +1,4 @@
-"""What people decide about conflicts, and the file in which it is kept."""
+"""Decisions of people about conflicts, and the file in which they are kept."""
 
 import json
 from dataclasses import replace

@@ -79,18 +79,18 @@ def test_the_report_shows_each_conflict_at_its_smallest_clearance(page, near, br
     assert "■ STOP, lower bound 10.000 mm, upper bound 10.000 mm" in words
     assert "warn 100.000 mm, stop 20.000 mm" in words
     assert "● clear → ▲ warn" in words or "● clear → ■ STOP" in words
-    for conflict in told.locator("section").all():  # on a busy machine a cut search may be one
+    for conflict in told.locator("section").all():  # searches cut on a busy machine add conflicts
         assert re.search("[▲△■□✖]", conflict.inner_text()), "it was always clear"
     image, close, *of_events = section.locator("img").all()
     assert image.evaluate("each => each.complete && each.naturalWidth") > 200
-    assert len({each.get_attribute("src") for each in of_events}) >= 2  # one a change of state
+    assert len({each.get_attribute("src") for each in of_events}) >= 2  # one per change of state
     pixels, near = (
         decoded(base64.b64decode(each.get_attribute("src").partition(",")[2])).astype(int)
         for each in (image, close)
     )
-    # The line is in stop's colour, and the ball is before what is dim; now all is clear.
+    # The picture shows the smallest clearance, not now: stop's colour, and the ball not dim.
     assert (np.abs(pixels - (213, 94, 0)).max(axis=2) < 40).sum() > 20
-    # The gap is 4 pixels high there. In its own picture it is seen, between hatched parts.
+    # The gap is 4 pixels high in it. The second picture shows the gap large, between hatched parts.
     rows = np.flatnonzero((np.abs(near - (213, 94, 0)).max(axis=2) < 40).any(axis=1))
     assert np.ptp(rows) > 0.3 * min(near.shape[:2])
     dark = near.max(axis=2) < 190
@@ -99,7 +99,7 @@ def test_the_report_shows_each_conflict_at_its_smallest_clearance(page, near, br
     red, green, blue = np.moveaxis(pixels, 2, 0)
     assert ((blue > green + 20) & (green > red + 20)).mean() > 0.01
     told.close()
-    assert page.evaluate(OPACITY, 2) is None  # the die is dim no more
+    assert page.evaluate(OPACITY, 2) is None  # the die is no longer dim
 
 
 def test_the_table_of_conflicts_has_bounds_moment_and_status(page, near):

@@ -1,4 +1,4 @@
-"""What the page says of how current it is, and which pair it warns of."""
+"""What the page says about how current it is, and which pair it warns about."""
 
 import re
 from dataclasses import replace
@@ -135,7 +135,7 @@ def test_silent_bodies_are_named_with_how_long():
     mute = {1: ("c",), 2: ("b", "c")}
     told = connection(news(frame=frame(level=(0, STALE, STALE), mute=mute)), NOW)
     assert told.state is ConnectionState.STALE
-    # c by the pair in which it alone is silent; of b no more is known than of the two.
+    # c: from the pair in which only c is silent. b: from the pair in which both are silent.
     assert told.text == "no recent pose: c for 1.0 s, b for 2.0 s"
 
 
@@ -162,7 +162,7 @@ LIVE = Connection(ConnectionState.LIVE, "")
 
 
 def words(html):
-    """The words while the news is fresh."""
+    """Return the text that is shown while the data is fresh."""
     html = re.sub("<span class=pm-then>[^<]*</span>", "", html)
     return re.sub(r"\s+", " ", re.sub(r"<[^>]*>", " ", html)).strip()
 
@@ -230,7 +230,7 @@ def test_a_pair_that_is_not_clear_is_listed_among_however_many_nearer_ones_that_
     assert [rows[:2] for _, rows in found.groups] == [[77, 78]]
     assert len(found.groups[0][1]) == ROWS + 2
     assert found.more_clear == count - 2 - ROWS
-    # A filter that leaves them out says so.
+    # If a filter leaves such pairs out, the list says so.
     found = listing(told, scene, Choice(search="p5"))
     assert found.left_out == 2
     text = words(table(told, scene, Choice(search="p5")))
@@ -244,7 +244,7 @@ def test_a_pair_that_is_not_clear_is_listed_among_however_many_nearer_ones_that_
     ]  # fmt: skip
     ((title, rows),) = listing(told, scene, Choice(group="part")).groups
     assert (title, rows[0]) == ("a", 77)
-    # Nor is a hidden one forgotten.
+    # A hidden pair that is not clear is named as well.
     hidden = table(told, scene, Choice(ignored=frozenset({names[77]})))
     assert "a - p77 ■ STOP" in words(hidden)
 

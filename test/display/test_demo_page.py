@@ -41,24 +41,24 @@ class Demo:
             self._process = subprocess.Popen(command, stdout=out, start_new_session=True)
 
     def says(self, start):
-        """The rest of a line that begins like this, spaces apart; empty until it comes."""
+        """Return the rest of the first whole line that begins with `start`; empty: none yet."""
         assert self._process.poll() is None, self.text
         lines = (line.lstrip() for line in self.text.splitlines(keepends=True))
         found = (x.removeprefix(start).strip() for x in lines if x.startswith(start) and "\n" in x)
         return next(found, "")
 
     def display(self):
-        """The process of the page, a child of the demo."""
+        """Return the id of the page's process, a child of the demo."""
         asked = ["pgrep", "-P", f"{self._process.pid}", "-f", "proximity_monitor.display"]
         return int(subprocess.check_output(asked, text=True))
 
     def interrupt(self):
-        """Press Ctrl-C, so to say; return the exit code."""
+        """Send SIGINT, as Ctrl-C does, and return the exit code."""
         self._process.send_signal(signal.SIGINT)
         return self._process.wait(START_DEADLINE_S)
 
     def is_gone(self):
-        """Whether no process of its group is left."""
+        """Return whether no process of the demo's group is left."""
         try:
             os.killpg(self._process.pid, 0)
         except ProcessLookupError:
@@ -77,13 +77,13 @@ class Demo:
 
 @pytest.fixture
 def demo(ros_environment, tmp_path, monkeypatch):
-    """Start the demo with arguments; it is killed in the end."""
+    """A function that starts the demo with arguments; the demo is killed in the end."""
     started = []
     path = tmp_path / "slide.yaml"
     path.write_text(SCENE)
     # A domain apart from the other tests' monitors, which have the same names.
     monkeypatch.setenv("ROS_DOMAIN_ID", str(int(os.environ["ROS_DOMAIN_ID"]) % 100 + 1))
-    for desktop in ("DISPLAY", "WAYLAND_DISPLAY"):  # where it would open a browser
+    for desktop in ("DISPLAY", "WAYLAND_DISPLAY"):  # if one is set, the demo opens a browser
         monkeypatch.delenv(desktop, raising=False)
 
     def start(*arguments, scene=path):
@@ -137,7 +137,7 @@ def test_the_demo_passes_on_what_the_page_says_of_its_errors_and_its_end(
     assert said[2] == "The page has ended (exit code 1): no more room"
 
 
-# How a part's mesh is drawn: whether flat, its vertices and its triangles.
+# Whether a part's mesh is drawn flat, and its numbers of vertices and triangles.
 DRAWN_AS = """i => {
   const props = window.__viserSceneTree.getState()[`/parts/${i}/mesh`].message.props;
   return [props.flat_shading, props.vertices.byteLength / 12, props.faces.byteLength / 12];
@@ -145,7 +145,7 @@ DRAWN_AS = """i => {
 
 
 def on_blade(model, text, body):
-    """The point (3,) of a model that the page's words about a pair name, model frame."""
+    """Return the point (3,) in a model's frame that the page's text about a pair names."""
     told = re.search(rf"{body}: patch (\d+), u (\d\.\d{{3}}), v (\d\.\d{{3}})", text)
     assert told, text
     patch, u, v = told.groups()
@@ -154,7 +154,7 @@ def on_blade(model, text, body):
 
 
 def test_the_turbine_on_the_page(demo, browser, wait, eventually):
-    """Of the bundled scene, which hardly moves here: looks, clearances, features, and a hand."""
+    """Check looks, clearances, features and moving by hand; the bundled scene hardly moves."""
     from proximity_monitor import engine, motion, scene
     from proximity_monitor.scene.opening import load_models
 

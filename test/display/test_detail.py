@@ -26,7 +26,7 @@ SCENE = SceneInfo(
     Thresholds(1, 0, 0), {}, True, {},
 )  # fmt: skip
 
-# How many triangles the balls are drawn with.
+# How many triangles the ball is drawn with.
 TRIANGLES = """() => {
   let sum = 0;
   window.__viserMutable?.scene?.traverse(each => {
@@ -43,7 +43,7 @@ def test_from_each_distance_on_triangles_look_small_and_enough_are_left():
     focal = 500.0
     found = levels(BALL, COUNT, focal)
     assert [share for _, share in found] == [1 / 4, 1 / 16, 1 / 64]
-    radius = 0.5 * math.sqrt(3.0)  # half the diagonal of its box
+    radius = 0.5 * math.sqrt(3.0)  # half the diagonal of the bounding box
     for distance, share in found:
         pixels = math.pi * (focal * radius / (distance - radius)) ** 2
         assert pixels / (0.5 * share * COUNT) == pytest.approx(PIXELS)
@@ -71,13 +71,13 @@ def test_a_body_that_deforms_shares_other_corners_when_they_part(server):
 
 
 def look(page):
-    """The colours (80, 80, 3) in the middle of the picture."""
+    """Return the colours (80, 80, 3) in the middle of the picture."""
     clip = {"x": 410, "y": 210, "width": 80, "height": 80}
     return iio.imread(page.screenshot(clip=clip))[..., :3].astype(int)
 
 
 def red(page):
-    """How many pixels have the ball's colour."""
+    """Return how many pixels have the ball's colour."""
     seen = look(page)
     return int((seen[..., 0] > seen[..., 2] + 60).sum())
 
@@ -88,7 +88,7 @@ def test_a_far_ball_has_fewer_triangles_and_looks_the_same(server, browser, wait
     camera.position, camera.look_at = (0.0, 1e-3, 5.6), (0.0, 0.0, 0.0)
     page = opened(browser, f"http://127.0.0.1:{server.get_port()}", 900, 500)
     pictures = []
-    for focal in (1e9, 300.0):  # the first has no levels where anybody looks
+    for focal in (1e9, 300.0):  # with the first, levels begin beyond any camera
         views = Parts(server, SCENE, [Part(None, np.ones(4) * (0.8, 0.2, 0.2, 1), BALL)], focal)
         views.show(Frame(0.0, IDENTITY[None], None), {}, Choice(), ())
         drawn = COUNT if focal > 1e6 else COUNT / 16
@@ -98,8 +98,8 @@ def test_a_far_ball_has_fewer_triangles_and_looks_the_same(server, browser, wait
         wait(lambda: red(page) > 2000, "the ball")
         pictures.append(look(page))
     differ = np.abs(np.subtract(*pictures)).max(axis=2)
-    assert (differ > 40).sum() < 100  # along its outline
-    assert (differ > 2).sum() < 250  # by its own normals; else three times as many
+    assert (differ > 40).sum() < 100  # along the outline
+    assert (differ > 2).sum() < 250  # shaded by the whole ball's normals; else 3 times as many
     for client in server.get_clients().values():
         client.camera.position = (0.0, 1e-3, 2.0)
     wait(lambda: page.evaluate(TRIANGLES) == COUNT, "the whole of it from near")

@@ -1,4 +1,4 @@
-"""Drags that stop: how far a part may go by the bounds of a tick."""
+"""Drags that stop at a limit: how far the bounds of a tick let a part move."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -61,7 +61,7 @@ def test_a_guarded_drag_goes_as_far_as_the_bounds_allow_and_then_on_with_the_nex
 def test_a_part_s_room_is_that_of_its_own_pairs(where, unlisted, room):
     scene, frame = scene_and_frame(unlisted=unlisted)
     assert slack({"a"}, frame, scene, where) == pytest.approx(room)
-    # b is 0.001 from c; if a pair is not listed, then it is beyond its range.
+    # b is 0.001 m from c, which does not limit a. An unlisted pair is beyond its range.
     for range_m, beyond in ((0.05, 0.1), (0.4, 0.4), (np.inf, 9.0)):
         scene, frame = scene_and_frame(unlisted=1, range_m=range_m)
         frame.pairs.lower[:] = 9.0
@@ -76,7 +76,7 @@ def test_silent_parts_leave_no_room_whether_their_pairs_are_listed_or_not(monkey
     frame.pairs.level[2] = STALE  # b and c
     assert slack({"a"}, frame, scene, AT_CONTACT) == pytest.approx(0.1)
     assert slack({"b"}, frame, scene, AT_CONTACT) == 0.0
-    # Of as many silent pairs a tick need not list all.
+    # A tick with LISTED_SILENT silent pairs need not list all of them.
     monkeypatch.setattr(states, "LISTED_SILENT", 1)
     scene, frame = scene_and_frame(unlisted=1)
     frame.pairs.level[2] = STALE
@@ -96,7 +96,7 @@ def test_what_a_part_carries_counts_as_the_part_itself():
     scene = replace(scene, held={"b": "a", "d": "b"})
     assert carried("a", scene.held) == {"a", "b", "d"}
     assert carried("b", scene.held) == {"b", "d"}
-    # Its own pairs leave 0.01; that of b and c leaves less than nothing; a and b move together.
+    # a and b move together. The pair c - a leaves 0.01 m; b - c is nearer than its limit.
     assert slack({"a", "b"}, frame, scene, AT_STOP) == pytest.approx(0.001 - 0.02)
     frame.pairs.lower[:] = 0.001, 0.3, 0.3
     assert slack({"a", "b"}, frame, scene, AT_STOP) == pytest.approx(0.27)

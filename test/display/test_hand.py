@@ -1,10 +1,10 @@
-"""The hand and the eye of the page's tests see what a user's would."""
+"""The helpers of `page_hand.py` see on the page what a user would see."""
 
 from __future__ import annotations
 
 from page_hand import SELDOM
 
-# The moments of the pictures that two callbacks are in, asked for one after the other.
+# The times of the pictures that run two callbacks; the second is requested 100 ms after the first.
 ASKED = """() => new Promise(done => {
   const moments = [], note = moment => { if (moments.push(moment) === 2) done(moments); };
   requestAnimationFrame(note);

@@ -1,4 +1,4 @@
-"""What the inbox makes of messages of two scenes."""
+"""How the inbox treats messages of two scenes."""
 
 import threading
 from dataclasses import replace
@@ -14,7 +14,7 @@ NEXT = replace(SCENE, name="the next")
 
 
 def half(tick, stamp="1"):
-    """A message of a stamp, which tells its tick."""
+    """Return one of the two messages of a tick: a stamp, then the tick's name."""
     return bytes(11) + f"{stamp}{tick}".encode()
 
 
@@ -44,7 +44,7 @@ def test_what_is_being_read_when_another_scene_begins_is_not_taken_for_its_own(k
 def test_each_message_goes_with_the_one_of_its_tick_also_where_a_stamp_comes_again():
     inbox = Inbox()
     for put, tick in (
-        (inbox.put_pairs, "1"), (inbox.put_pairs, "2"),  # of a clock that stands still
+        (inbox.put_pairs, "1"), (inbox.put_pairs, "2"),  # the clock stands still
         (inbox.put_poses, "1"), (inbox.put_poses, "2"), (inbox.put_pairs, "3"),
         (inbox.put_poses, "3"),
     ):  # fmt: skip
@@ -52,7 +52,7 @@ def test_each_message_goes_with_the_one_of_its_tick_also_where_a_stamp_comes_aga
     inbox.put_poses(half("lost", "2"))
     inbox.put_pairs(half("4", "3"))
     inbox.put_poses(half("4", "3"))
-    inbox.put_pairs(half("5", "2"))  # its clock went back
+    inbox.put_pairs(half("5", "2"))  # the clock went back
     inbox.put_poses(half("5", "2"))
     told = [(pairs[12:], poses[12:]) for pairs, poses, _ in inbox._matched]
     assert told == [(tick.encode(),) * 2 for tick in "12345"]

@@ -35,7 +35,7 @@ from proximity_monitor.display.view import View, facing
 
 
 def box():
-    """The vertices and triangles of the cube from -1 to 1, triangles turned outwards."""
+    """Return vertices and triangles of the cube from -1 to 1; the triangles face outwards."""
     vertices = np.indices((2, 2, 2)).reshape(3, -1).T * 2.0 - 1.0
     quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
     return vertices, np.array([t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))])
@@ -64,7 +64,7 @@ def test_a_section_cuts_a_mesh_into_two_that_make_the_whole():
         np.testing.assert_allclose((near.outline - plane.middle) @ plane.normal, 0.0, atol=1e-12)
         start, end = np.moveaxis(near.outline - plane.middle, 1, 0)
         assert (np.cross(start, end) @ plane.normal).sum() > -1e-12  # its inside is to the left
-        # It keeps which side of a triangle is outside: the cut mesh's normals are those before.
+        # The cut triangles face outwards like the uncut ones.
         a, b, c = np.moveaxis(kept, 1, 0)
         outward = np.einsum("ij,ij->i", np.cross(b - a, c - a), kept.mean(axis=1))
         assert (outward > -1e-12).all()
@@ -90,7 +90,7 @@ def test_hatching_fills_the_section_and_nothing_else():
         ends = lines.reshape(-1, 3)
         assert (np.abs(ends) < 1.0 + 1e-9).all()
         np.testing.assert_allclose((ends - plane.middle) @ plane.normal, 0.0, atol=1e-9)
-        # The section of a convex body is convex: triangles about any of its points fill it.
+        # A convex body's section is convex: triangles from an inner point to its outline fill it.
         inner = outline.reshape(-1, 3).mean(axis=0)
         filled = np.linalg.norm(np.cross(outline[:, 0] - inner, outline[:, 1] - inner), axis=1)
         filled = filled.sum() / 2.0
@@ -120,7 +120,7 @@ def test_shells_that_overlap_are_hatched_as_one():
         return 0.05 * np.linalg.norm(lines[:, 1] - lines[:, 0], axis=1).sum()
 
     assert hatched(triangles, triangles + 8) == pytest.approx(6.0, rel=0.02)
-    inner = triangles[:, ::-1] + 8  # turned inwards it is a cavity where it is within the first
+    inner = triangles[:, ::-1] + 8  # facing inwards: a cavity where it is inside the first shell
     assert hatched(triangles, inner) == pytest.approx(4.0, rel=0.02)
 
 
@@ -239,7 +239,7 @@ def test_each_change_of_state_is_an_event_and_nothing_else():
         (2.0, ("a", "b"), "clear", "warn"),
         (2.0, ("b", "c"), "clear", "STOP"),
     ]
-    # A pair that is listed no more is beyond its range.
+    # A pair that is no longer listed is beyond its range.
     assert events.note(at(3.0, (0.05, 0.8), (WARN, 0), (("a", "b"), ("c", "a"))), scene)
     assert [(e.pair, e.before.word, e.after.word) for e in events.all[2:]] == [
         (("b", "c"), "STOP", "clear")

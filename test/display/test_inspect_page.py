@@ -55,7 +55,7 @@ def bench(browser, domain, launch_for_all, wait):
 
 @pytest.fixture
 def page(bench):
-    """The page, looked at as at first."""
+    """The page, live and with the camera as at the start."""
     bench.mouse.up()
     bench.keyboard.press("Escape")
     bench.evaluate("() => window.__viserMutable.resetCameraPose(false)")
@@ -69,7 +69,7 @@ def page(bench):
 
 @pytest.fixture
 def put(page, wait):
-    """Put the peg somewhere, in mm."""
+    """A function that puts the peg at a place in mm."""
     return partial(peg.put_there, page, wait)
 
 
@@ -88,7 +88,7 @@ def test_the_peg_s_handles_are_gripped_where_the_peg_covers_them(page, put, wait
     page.mouse.down()
     page.mouse.move(to_x, to_y, steps=4)
     page.mouse.up()
-    # Another handle may be before this one on the screen, but the peg is not.
+    # Another handle may cover this one on the screen and be gripped instead, but the peg may not.
     wait(
         lambda: (
             peg.held(page) != pytest.approx((0, 0, -10), abs=1e-3) or peg.turned(page) != [0, 0, 0]
@@ -167,7 +167,7 @@ def test_each_part_is_as_transparent_as_one_likes(page, wait):
     page.locator("input[type=checkbox]:visible").nth(1).click()
     wait(lambda: not page.evaluate(peg.IS_SHOWN, "/parts/0/edges"), "its edges to go")
     assert page.evaluate(peg.IS_SHOWN, "/parts/1/edges")
-    # The edges of one are off, so those of all are not on; what is not changed stays.
+    # The peg's edges are off, so the box for all parts is off. Settings not changed here stay.
     select(page, field(page, "Look of"), "(all parts)")
     wait(lambda: not page.locator("input[type=checkbox]:visible").nth(1).is_checked(), "the edges")
     bands = page.locator("input[type=checkbox]:visible").nth(2)
@@ -239,7 +239,7 @@ def test_the_plot_covers_nothing_of_a_small_window(page):
 def test_enter_puts_the_part_there_steps_go_down_to_a_micrometre_and_ctrl_z_undoes(put, page, wait):
     tab(page, "Move")
     enter(page, "Step [mm]", "0.001")
-    put(0, 0, 40)  # what was typed before is known when it is there
+    put(0, 0, 40)  # once the peg is there, the typed step is known too
     enter(page, "Position [mm]", "20.5", 0)
     page.keyboard.press("Enter")
     wait(lambda: peg.at_place(page, (20.5, 0, 40)), "Enter to put it there")
@@ -264,7 +264,7 @@ def test_a_geared_drag_moves_the_part_by_a_hundredth_and_snaps(put, page, wait):
         return np.linalg.norm(peg.place(page) - begin)
 
     peg.dragged(page, 0, 60)
-    wait(lambda: gone() > 1e-6, "the drag")  # else it ends where it has not begun
+    wait(lambda: gone() > 1e-6, "the drag")  # otherwise it could end before it begins
     peg.end_drag(page, wait, apart)
     far = gone()
     put(0, 0, 40)
@@ -334,7 +334,7 @@ def test_an_event_is_listed_and_a_press_goes_to_its_moment(put, page, wait, even
         button(page, "Events as CSV").click()
     lines = lines_of(download.value)
     assert {(line["a"], line["b"]) for line in lines} == {("peg", "block")}
-    # A machine that stands still for long makes poses stale in between.
+    # If the machine stands still for long, poses become stale in between.
     after = [line["after"] for line in lines]
     assert [line["before"] for line in lines][1:] == after[:-1]
     assert "stop" in after
@@ -345,7 +345,7 @@ def test_an_event_is_listed_and_a_press_goes_to_its_moment(put, page, wait, even
 def test_an_event_s_picture_shows_whole_parts_also_while_a_section_is_on(page, put, wait):
     tab(page, "Session")
     told, pictures = page.locator("#pm-event"), []
-    before = told.inner_text()  # another event's, perhaps
+    before = told.inner_text()  # perhaps of another event
     for cut in (False, True):
         last = peg.newest_stop(page)
         put(0, 0, -10)

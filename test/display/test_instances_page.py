@@ -20,7 +20,7 @@ SIDE = 3
 
 @pytest.fixture
 def boxes(server, monkeypatch):
-    """Boxes of one shape in rows, before a camera that looks down on them."""
+    """Boxes of one shape in rows, and a camera that looks down on them."""
     monkeypatch.setattr(parts_module, "MANY", SIDE**2)
     bodies = tuple(Body(f"b{i}", True, f"b{i}", False, "1") for i in range(SIDE**2))
     scene = SceneInfo(
@@ -33,18 +33,18 @@ def boxes(server, monkeypatch):
 
 
 def look(page, left, top, width, height):
-    """The colours (n, 3) of the pixels of a rectangle."""
+    """Return the colours (n, 3) of the pixels of a rectangle."""
     clip = {"x": left, "y": top, "width": width, "height": height}
     return iio.imread(page.screenshot(clip=clip))[..., :3].astype(int).reshape(-1, 3)
 
 
 def dark(page):
-    """How many pixels are dark in the picture of the first box."""
+    """Return how many pixels are dark in the picture of the first box."""
     return int((look(page, 245, 295, 65, 60).max(axis=-1) < 110).sum())
 
 
 def face(page, i):
-    """The colour of the upper side of a box of the first row."""
+    """Return the colour of the upper side of a box of the first row."""
     return np.median(look(page, 268 + 77 * i, 320, 8, 8), axis=0)
 
 

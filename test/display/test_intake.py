@@ -1,4 +1,4 @@
-"""What a browser may say to the page, and that no more of it is heard."""
+"""Which messages of a browser the page accepts; it ignores all others."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def test_no_input_takes_what_it_could_not_show(page, raw, server):
 
 
 def test_no_browser_changes_what_is_not_a_value_or_another_s(page, raw, server):
-    """Nor does it harm one that comes later."""
+    """`other` connects after `raw`, and its inputs must stay unchanged too."""
     other = RawBrowser(server)
     page.tell()
     theirs = other.inputs()

@@ -27,7 +27,7 @@ CONFLICTS = "#pm-conflicts .pm-row"
 
 
 def tick(stamp_s, near=None):
-    """All pairs are away, but for one; those from the third on are beyond their range then."""
+    """Return a tick with all pairs away but `near`. It lists `near` and the first three."""
     listed = [i for i in range(COUNT) if i < 3 or i == near]
     bound = np.array([0.01 + 1e-5 * i if i == near else AWAY for i in listed])
     n = len(listed)
@@ -58,13 +58,13 @@ def long_session(browser, server, monkeypatch, tmp_path, wait):
     page.close()
 
 
-# The first words in a column of the rows that are found.
+# The first text in one column of all rows that a selector finds.
 WORDS = """([rows, column]) => [...document.querySelectorAll(rows)]
   .map(row => row.cells[column].firstChild.textContent.trim())"""
 
 
 def seen(made, page, rows, column):
-    """The words of a column of a list, once the page has made another step."""
+    """Let the page make another step, and return the words in a column of a list."""
     made.tell()
     return page.evaluate(WORDS, [rows, column])
 
@@ -84,7 +84,7 @@ def test_every_event_is_reached_page_by_page(long_session, wait):
         following.dispatch_event("pointerdown")
         wait(lambda was=moments: seen(made, page, EVENTS, 0) != was, "the next page")
     assert found == [f"{event.stamp_s:.1f} s" for event in reversed(made.events.all)]
-    # What comes meanwhile moves nothing under the pointer.
+    # Events that come meanwhile move nothing under the pointer.
     made.tell(frame=tick(1000.0, near=5))
     made.tell(frame=tick(1001.0))
     assert seen(made, page, EVENTS, 0) == moments
@@ -94,7 +94,7 @@ def test_every_event_is_reached_page_by_page(long_session, wait):
 
 def test_every_conflict_is_reached_and_its_status_too(long_session, wait):
     made, page = long_session
-    # Of most of them the event will be forgotten one day, and none is listed among the pairs.
+    # Conflicts must be reached even if their events are forgotten and their pairs not listed.
     made.events.clear()
     wait(lambda: len(seen(made, page, CONFLICTS, 1)) == ROWS, "a page of conflicts")
     found = seen(made, page, CONFLICTS, 1)

@@ -1,4 +1,4 @@
-"""What may be moved from a page and what is shown of it, without a real browser."""
+"""Which parts a page may move and what it shows of them, without a real browser."""
 
 import asyncio
 import threading
@@ -53,7 +53,7 @@ def test_nothing_is_moved_from_a_moment_that_is_over(page):
     page.move._on_apply(PERSON)
     drag(page, "start", 3.5)
     assert not page.holds.poses
-    page.choice.at_s = None  # and before a step has shown that
+    page.choice.at_s = None  # and no step has shown that yet
     page.move._on_step(*STEP)
     assert page.holds.poses["b"][0] == pytest.approx(9.5)
     page.hand.undo()

@@ -1,4 +1,4 @@
-"""Parts with their CAD names on the page: long ones, Chinese ones, signs of HTML."""
+"""CAD names of parts on the page: long names, Chinese names, characters that HTML uses."""
 
 from __future__ import annotations
 

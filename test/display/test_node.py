@@ -1,4 +1,4 @@
-"""The display's node beside a player and a monitor that these tests play."""
+"""The display's node beside a player and a monitor that these tests simulate."""
 
 import json
 import subprocess
@@ -31,8 +31,8 @@ from proximity_monitor.display.inbox import Inbox
 from proximity_monitor.display.node import ProximityDisplay
 
 NAMESPACE = "/shown"
-"""Of the display and its player. The monitors of other tests are heard elsewhere: a scene of theirs
-would replace the one below, and let go what is held."""
+"""Namespace of the display and its player. The monitors of other tests are outside it: their scenes
+would replace the scene below and release all held bodies."""
 BALL, DIE = f"{NAMESPACE}/bodies/ball/pose", f"{NAMESPACE}/bodies/die/pose"
 RETRY_S = 2.0
 HERE = np.array([0.0, 0, 0, 1, 0, 0, 0])
@@ -63,7 +63,7 @@ SCENE = {
 
 @pytest.fixture
 def display(rclpy_context):
-    """The node with a scene, and an executor that others may join."""
+    """The node with a scene, and an executor that other nodes may join."""
     inbox, holds = Inbox(), Holds()
     node = ProximityDisplay(inbox, holds, namespace=NAMESPACE)
     executor = SingleThreadedExecutor()
@@ -85,7 +85,7 @@ def display(rclpy_context):
 
 @pytest.fixture
 def player(display):
-    """Makes a player that publishes the ball's poses, and says what it was told to leave alone."""
+    """Starts and ends players with a publisher of the ball's pose and the parameter `released`."""
     made = []
 
     def start(refuses=False):
@@ -117,7 +117,7 @@ def released(player):
 
 def test_a_player_that_comes_is_told_what_is_held_and_one_that_comes_later_too(display, player):
     first = player.start()
-    # What a display before this one held is let go.
+    # This gives the player back the bodies that an earlier display held.
     display.until(lambda: released(first) == [], "the player to hear that nothing is held")
     display.holds.take("ball", HERE)
     display.until(lambda: released(first) == ["ball"], "the player to leave the ball alone")
@@ -139,7 +139,7 @@ def test_a_player_is_a_rival_until_it_has_agreed(display, player):
     display.until(lambda: display.inbox.news.rivals == (), "the player to agree")
     assert released(node) == ["ball"]
     assert display.node.player_knows
-    # Another publisher of that topic stays one, and so does a player of another namespace.
+    # Any other publisher of that topic stays a rival, even a player of another namespace.
     other = rclpy.create_node("proximity_player", namespace="/left")
     try:
         other.create_publisher(PoseStamped, BALL, 1)
@@ -183,7 +183,7 @@ def test_another_scene_lets_all_go_and_what_was_shown_of_the_one_before_takes_no
 
 @pytest.fixture
 def no_timer(monkeypatch):
-    """The timer of held bodies does not ring while a test runs."""
+    """The timer of held bodies does not fire while a test runs."""
     monkeypatch.setattr(module, "HELD_HZ", 1e-4)
 
 
@@ -210,7 +210,7 @@ def test_what_fails_beside_the_page_ends_the_program_with_its_error(display):
 
 def test_a_tick_that_comes_is_shown_at_once(monkeypatch):
     monkeypatch.setattr(run, "FRAMES_HZ", 1e-4)
-    monkeypatch.setattr(run, "LEAST_S", 1e4)  # only ticks make later ticks wait
+    monkeypatch.setattr(run, "LEAST_S", 1e4)  # a tick waits only after another tick
     inbox, stop, stepped = Inbox(), threading.Event(), threading.Semaphore(0)
 
     def step():
@@ -271,7 +271,7 @@ def test_the_monitor_is_asked_to_forget_its_smallest_clearances(display):
 
         def answered():
             nonlocal asked_s
-            # An answer is lost where the server has not heard of this client yet.
+            # An answer is lost if the server has not discovered this client yet.
             if time.monotonic() > asked_s + RETRY_S:
                 asked_s = time.monotonic()
                 display.node.reset_minima_of_monitor()

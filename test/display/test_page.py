@@ -71,20 +71,20 @@ def page(shared_page, sources, wait, eventually):
 
 @pytest.fixture
 def taken(page, sources, wait):
-    """The die at the gizmo; its own source is silent as soon as it is held."""
+    """The page with the die at the gizmo; the die's own source has just fallen silent."""
     choose(page, "die")
     sources.release("die")
     yield page
     if sources.heard("die"):
         tab(page, "Move")
         release = button(page, "Let go")
-        release.click()  # once it is enabled: the page may lag behind the topic
+        release.click()  # it waits until enabled: the page may lag behind the topic
         wait(release.is_disabled, "the die to be let go")
 
 
 @pytest.fixture
 def put(taken, sources, wait):
-    """Type a position of the die in mm, and wait until it is there."""
+    """A function that types a coordinate of the die in mm, and waits until the die is there."""
 
     def put(axis, value):
         tab(taken, "Move")
@@ -96,7 +96,7 @@ def put(taken, sources, wait):
 
 
 def at(sources, axis):
-    """Where the die is held."""
+    """Return a coordinate (m) of the die as the display publishes it; None: not yet."""
     found = sources.heard("die")
     return found and found[0]["xyz".index(axis)]
 
@@ -148,7 +148,7 @@ def test_the_list_says_what_the_library_says_the_least_margin_first(page, of_eng
         found = listed(page)
         lower = [bounds[0] for bounds in found.values()]
         margins = [bounds[0] - warn.get(pair, 0.002) for pair, bounds in found.items()]
-        # table - cursor is at the end of its range, where it may be listed or not.
+        # The pair table - cursor is exactly at its range, so it may be listed or not.
         assert {"die - cursor", "table - ball", "table - die", "ball - die"} <= set(found)
         assert margins == sorted(margins)
         assert lower == pytest.approx([of_engine(pair).lower for pair in found], abs=1e-9)
@@ -236,7 +236,7 @@ def test_a_source_that_falls_silent_is_shown(page, sources, wait, eventually):
 
 def test_a_pressed_pair_is_highlighted_and_the_rest_is_dim(page, wait, eventually):
     def far():
-        """How far the camera is from the gap between table and die."""
+        """Return how far the camera is from the gap between table and die."""
         return np.linalg.norm(np.array(page.evaluate(CAMERA)) - (0.2, 0.0, 0.11))
 
     before = far()
@@ -290,7 +290,7 @@ def test_limits_are_the_monitor_s_parameters(page, sources, wait, eventually, i,
 
 def test_the_session_s_worst_pose_comes_back(put, taken, sources, of_engine, wait, eventually):
     page = taken
-    put("z", 77)  # nearer than any other test
+    put("z", 77)  # nearer than in any other test
     tab(page, "Clearances")
     wait(lambda: row(page, "table - die")[0] == pytest.approx(0.002), "the new clearance")
     tab(page, "Move")
@@ -307,7 +307,7 @@ def test_the_session_s_worst_pose_comes_back(put, taken, sources, of_engine, wai
     assert of_engine("table - die", die=sources.heard("die")).upper == pytest.approx(0.002)
 
 
-# The controls of the player whose middle is under something of the report.
+# The replay's controls whose middle is covered by the report.
 COVERED = """() => [...document.querySelectorAll('button, input, svg')].filter(each => {
   if (each.closest('#pm-report')) return false;
   const r = each.getBoundingClientRect();
@@ -373,7 +373,7 @@ def test_the_replay_plays_from_a_file(page, browser, tmp_path, wait):
 
 
 def test_a_picture_that_took_long_does_not_put_off_the_next_for_as_long(browser):
-    """Else each would be put off longer than the last, on a machine that is slow anyway."""
+    """Otherwise, on a slow machine, each picture would be put off longer than the last."""
     page = browser.new_page()
     page.add_init_script(SELDOM)
     page.goto("data:text/html,<p>")

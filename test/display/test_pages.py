@@ -1,4 +1,4 @@
-"""Several browsers at one display: what each has of its own, and what an error of one does."""
+"""Several browsers at one display: what belongs to each, and what an error in one does."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def test_an_error_in_one_browser_s_page_is_shown_there_logged_once_and_survived(
     assert "test_pages.py" in told and "ZeroDivisionError" in told
     monkeypatch.setattr(theirs._lines, "show", sound)
     page.tell(frame=frame(3.0, 0.3))
-    assert "ZeroDivisionError" in words(theirs._fault)  # for a while
+    assert "ZeroDivisionError" in words(theirs._fault)  # still shown for a while
     assert "clear" in words(theirs._banner)
     theirs._fault_until_s = 0.0
     page.tell()
@@ -61,7 +61,7 @@ def test_an_error_in_what_all_share_is_shown_to_all_and_survived(page, monkeypat
     monkeypatch.setattr(page.session, "add", lambda *_, **__: 1 / 0)
     page.tell(frame=frame(1.0, 0.01, STOP))
     assert "ZeroDivisionError" in words(page.all._fault)
-    assert page.all._beat._html.content == beat  # what is shown grows old
+    assert page.all._beat._html.content == beat  # the shown data becomes old
     monkeypatch.undo()
     page.tell(frame=frame(1.5, 0.01, STOP))
     assert "STOP" in words(page.all._banner)
@@ -112,7 +112,7 @@ def test_each_has_its_turn_with_the_value_that_a_person_gave(page, raw, server):
     raw.set(word, f"pick:{' - '.join(NAMES)}#4")  # done twice it would be undone
     raw.set(page.move._who, "b")
     raw.heard(server)
-    page.move._who.value = "(none)"  # a step may say so before it hears of the choice
+    page.move._who.value = "(none)"  # a step may show this before it handles the choice
     page.tell()
     assert page.choice.ignored == frozenset()
     assert page.choice.pair == NAMES
@@ -125,9 +125,9 @@ def test_each_has_its_turn_with_what_the_other_fields_showed_then(page, raw, ser
     raw.heard(server)
     page.tell()
     assert all(page.choice.looks[name].bands for name in NAMES)
-    raw.set(inspect._bands, False)  # of all parts
+    raw.set(inspect._bands, False)  # for all parts
     raw.set(inspect._whose, "b")
-    raw.set(inspect._opacity, 0.5)  # of that one
+    raw.set(inspect._opacity, 0.5)  # for b alone
     raw.heard(server)
     page.tell()
     assert not any(page.choice.looks[name].bands for name in NAMES)
@@ -157,7 +157,7 @@ def test_each_tick_is_good_for_a_second_from_when_it_came(page):
     names, seconds = zip(
         *(re.search(r"(pm-old-\d) 1ms linear (.*)s f", x).groups() for x in told), strict=True
     )
-    assert set(names) == {"pm-old-0", "pm-old-1"}  # another name begins it anew
+    assert set(names) == {"pm-old-0", "pm-old-1"}  # a new name restarts the animation
     assert all(0.5 < float(each) <= 1.0 for each in seconds)
     page.pages._inbox.tell(frame_at_s=time.monotonic() - 2.0, frame=frame(3.0))
     page.pages.step()
@@ -242,7 +242,7 @@ def test_a_browser_hears_on_whose_sender_was_called_just_before_it_waited(page, 
     missed = threading.Event()
 
     class Late(deque):
-        """Where a sender that found nothing to send puts itself, to be woken by the next call."""
+        """The event's waiters. Just before a sender is added, another thread sets the event."""
 
         def append(self, sender):
             calling = threading.Thread(target=event.set)  # as another thread's message does
@@ -256,7 +256,7 @@ def test_a_browser_hears_on_whose_sender_was_called_just_before_it_waited(page, 
     page.tell(frame=frame(2.0, 0.2))
     wait(missed.is_set, "the sender to have nothing to send")
     before = -1
-    while before < (before := raw.messages):  # what was sent before that arrives
+    while before < (before := raw.messages):  # until all earlier messages have arrived
         time.sleep(0.1)
     page.tell(frame=frame(3.0, 0.1))
     wait(lambda: raw.messages > before, "a message after that")

@@ -83,7 +83,7 @@ def test_a_part_that_begins_to_deform_has_all_of_its_shape_at_once(page, monkeyp
     view.stand()
     before = view.mesh
     bent = cubes(1.0, 2.0)
-    page.tell(parts=bent)  # a step before the scene says so
+    page.tell(parts=bent)  # one step before the scene says that b deforms
     page.tell(scene=replace(SCENE, name="belts", deforming=frozenset("b")))
     assert view.levels == ()
     assert view.mesh is not before
@@ -96,7 +96,7 @@ def mesh_of(view, name):
 
 
 def taken(page, parts, then):
-    """What becomes of a picture that is asked for with these parts while that happens."""
+    """Ask for a picture of these parts, call `then` meanwhile; return the picture or the error."""
     found = []
 
     def take():
@@ -151,7 +151,7 @@ def test_a_picture_waits_for_a_step_that_did_not_fail(page, monkeypatch):
 
 
 def banded(page, name):
-    """How many triangles of a part have which band, and the legend, once both are of now."""
+    """Wait until a part's bands are up to date; return the triangles of each, and the legend."""
     banding = page.all._inspect._banding
     ends = time.monotonic() + START_DEADLINE_S  # kernels may have to be compiled
     while True:

@@ -1,4 +1,4 @@
-"""The plot of clearances: whose it is, its scale with its numbers, and what nobody knows."""
+"""The plot of clearances: its pair, its scale with the numbers, and unknown clearances."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ SEEN = """() => {
 
 
 class Gui:
-    """Keeps what a page is told."""
+    """Stands in for the page's panel, and keeps what the plot adds to it."""
 
     def __init__(self):
         self.title = SimpleNamespace(content="")
@@ -65,7 +65,7 @@ class Gui:
 
 @pytest.fixture
 def shown():
-    """A plot, and what is told of it."""
+    """A plot, and a function that shows ticks and returns the plot's title and data."""
     gui, session, choice = Gui(), Session(), Choice()
     plot = Plot(gui, session, choice)
 
@@ -99,7 +99,7 @@ def test_no_threshold_is_drawn_that_does_not_hold_for_the_curve(shown):
     assert title.startswith("smallest clearance of all pairs: ")
     assert title.endswith("; a highlighted pair has its own thresholds")
     assert data[1].tolist() == [10.0, 10.0]
-    assert len(data) == len(shown.gui.plots[-1].series) == 4  # not 100 and 20: 10 mm is clear there
+    assert len(data) == len(shown.gui.plots[-1].series) == 4  # no 100 and 20: FAR is clear at 10
     shown.choice.pair = FAR
     title, data = shown.show()
     assert data[1].tolist() == [10.0, 10.0]

@@ -74,7 +74,7 @@ def test_an_address_that_is_not_ours_is_refused(launch):
 
 @pytest.mark.parametrize("host", ["", "[a", "a: b", 'x"y', "::1", "null", "12"])
 def test_any_host_is_taken_for_a_text(host, monkeypatch):
-    """As the value of a parameter it is read as YAML."""
+    """ROS reads the value of a parameter as YAML."""
     given = []
     monkeypatch.setattr(run, "main", lambda arguments: given.extend(arguments) or 0)
     monkeypatch.setattr(ending, "leave_with", lambda code: code)

@@ -58,7 +58,7 @@ ONE = [pair(0, PairStatus.EXACT, 0.1, 0.1)]
 
 
 def told(pairs, levels, frame="world", silent=None):
-    """The message of a tick, and what ~/scene says about it."""
+    """Return the message of a tick, and the scene as ~/scene tells it."""
     arrays = as_arrays(pairs)
     made = PairsMessage(arrays.names, frame)
     data = made.serialised(
@@ -111,7 +111,7 @@ def test_silent_bodies_are_known_whatever_they_are_called(names):
     assert read.silent_bodies == {0: names[1:]}
     tick = Frame(5.5, np.zeros((2, 7)), read)
     assert silent_bodies(tick) == {names[1]: "for 1.5 s"}
-    assert silent_bodies(tick) is silent_bodies(tick)  # at each step of the page
+    assert silent_bodies(tick) is silent_bodies(tick)  # once, not at each step of the page
 
 
 def test_why_pairs_are_silent_is_told_anew_only_where_it_changes(monkeypatch):
@@ -206,7 +206,7 @@ def test_a_state_of_another_version_is_refused():
 
 
 def of_another_version(data, status=9):
-    """The same with a status, the last byte of its only pair, that nobody knows."""
+    """Return the message with an unknown status, which is the last byte of its only pair."""
     assert data[-2:] == b"\0\0"
     return data[:-2] + bytes((status, 0))
 
@@ -226,7 +226,7 @@ def test_a_message_that_ends_too_early_is_refused(read):
     }[read]
     read(*whole)
     data, *scene = whole
-    for end in range(len(data)):  # within the last texts it may go unseen
+    for end in range(len(data)):  # a cut within the last texts may go unnoticed
         with contextlib.suppress(ValueError):
             read(data[:end], *scene)
     with pytest.raises(ValueError):

@@ -95,7 +95,7 @@ def test_the_report_holds_numbers_words_and_picture_and_no_html_of_others():
 
 
 def status_of(*ticks, **changes):
-    """The words of the row "status", of a pair that was accepted and then had these ticks."""
+    """Return the row "status" of a pair that was accepted and then had these ticks."""
     last, session, events = told(*ticks)
     found = of(session, events, {frozenset(NAMES): FITS._replace(**changes)})
     html = report_html(found, {}, SCENE, last, session.span_s, {})
@@ -124,7 +124,7 @@ def test_what_is_not_known_of_a_decision_is_left_out():
     bare = {"state": "", "lower": None, "upper": None, "decided": "", "comment": ""}
     assert status_of(at_stop, **bare) == "accepted"
     assert status_of(at_stop, **bare | {"state": "<b>"}) == "accepted as &lt;b&gt;"
-    # Nobody accepted what is new, so nothing is worse than that.
+    # Nobody accepted a new conflict, so it cannot have become worse.
     assert status_of(at_stop, status="new", state="clear", decided="") == "new: a press fit"
 
 

@@ -1,4 +1,4 @@
-"""What the page reads of the scene, as the monitor writes it."""
+"""The page reads the scene from the message that the monitor writes."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Whom the page's server answers."""
+"""Which clients the page's server answers, and when its messages arrive."""
 
 import socket
 import sys
@@ -45,7 +45,7 @@ def test_a_foreign_name_for_this_machine_is_refused():
         port = server.get_port()
         with connect(f"ws://127.0.0.1:{port}", subprotocols=PROTOCOL) as websocket:
             assert websocket.recv(timeout=60.0)
-        # As a browser asks once example.org's name resolves to 127.0.0.1.
+        # A browser sends this request if the name example.org resolves to 127.0.0.1.
         own = socket.create_connection(("127.0.0.1", port))
         named = f"example.org:{port}"
         with pytest.raises(InvalidStatus, match="403"):
@@ -66,7 +66,7 @@ def test_the_address_may_be_one_of_ipv6():
 
 
 def test_what_a_browser_no_longer_hears_is_not_warned_of():
-    """It may go while its page is brought up to date."""
+    """A browser may leave while its page is being updated."""
     server = serving.serve("127.0.0.1", 0, "test")
     try:
         with warnings.catch_warnings(record=True) as told:
@@ -84,7 +84,7 @@ def test_what_a_browser_no_longer_hears_is_not_warned_of():
 
 
 def test_no_message_is_held_back_by_a_browser_because_another_came_late(server, raw):
-    """A browser holds them back by how the server's clock went on between them."""
+    """A browser delays messages by the differences of their stamps, so every stamp is 0."""
     for text in ("one", "two"):
         before = raw.messages
         raw.client.gui.add_html(text)
@@ -96,7 +96,7 @@ def test_no_message_is_held_back_by_a_browser_because_another_came_late(server, 
 
 
 def test_what_is_handed_over_is_sent_before_the_next_block_ends(server, raw):
-    """A sender takes nothing while an atomic block is open, however early it was told to."""
+    """While an atomic block is open, a sender sends nothing, however early it was woken."""
     browser, rounds, early = raw, 20, 0
     numbers = browser.client.gui.add_html("")
     for i in range(rounds):
@@ -108,7 +108,7 @@ def test_what_is_handed_over_is_sent_before_the_next_block_ends(server, raw):
             while f"number {i}" not in str(browser.last) and time.monotonic() < ends:
                 time.sleep(0.001)
             early += f"number {i}" in str(browser.last)
-    assert early >= 0.7 * rounds  # on a busy machine it may give up before a sender has its turn
+    assert early >= 0.7 * rounds  # a busy machine may give a sender its turn too late
 
 
 def test_servers_that_start_at_once_leave_no_function_of_a_library_changed():

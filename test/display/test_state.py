@@ -1,4 +1,4 @@
-"""The page's model, without a browser: scene, signs, holds, connection."""
+"""The page's model, without a browser: scene, signs, holds, geometry, motion."""
 
 import dataclasses
 import json
@@ -156,7 +156,7 @@ def test_the_colour_runs_from_stop_over_warn_to_clear():
     between = np.array(colour(0.06))
     np.testing.assert_allclose(between, (np.array(colour(0.02)) + colour(0.1)) / 2.0)
     assert len({colour(0.0), colour(0.0, touching=True), colour(0.0, stale=True)}) == 3
-    # One threshold of 0 and none at all are no division by zero.
+    # Thresholds of 0 cause no division by zero.
     assert np.isfinite(ramp(0.0, Thresholds(0.0, 0.0, 0.0), touching=False, stale=False)).all()
 
 
@@ -170,7 +170,7 @@ def holds():
 
 def test_a_held_body_is_published_until_it_is_let_go(holds):
     holds.move("b", THERE)
-    assert not holds.poses  # only what was taken moves
+    assert not holds.poses  # only a taken body moves
     holds.take("b", START)
     holds.move("b", THERE)
     assert holds.poses["b"] is THERE
@@ -229,7 +229,7 @@ def test_a_body_has_one_owner_until_it_lets_go_gives_it_over_or_leaves():
     one.take("c", START)
     two.leave()
     assert holds.poses.keys() == {"c"}
-    assert not two.take("b", START)  # a late word of a browser that is gone
+    assert not two.take("b", START)  # a late message of a browser that has left
 
 
 def test_an_ignored_pair_is_no_longer_highlighted_and_comes_back():
@@ -260,7 +260,7 @@ def test_angles_of_a_part_that_points_straight_up_or_down_are_its_own(roll, pitc
 
 
 def test_roll_pitch_and_yaw_turn_about_fixed_axes_in_this_order():
-    turn = from_degrees(90.0, 0.0, 90.0)  # y to z, which yaw leaves alone
+    turn = from_degrees(90.0, 0.0, 90.0)  # roll turns y to z, and yaw leaves z alone
     np.testing.assert_allclose(rotate(turn, np.array([0.0, 1, 0])), [0, 0, 1], atol=1e-15)
     pose = np.array([5.0, 0, 0, *turn])
     np.testing.assert_allclose(moved(pose, np.array([0.0, 1, 0]))[:3], [5, 0, 1], atol=1e-15)

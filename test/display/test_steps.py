@@ -1,4 +1,4 @@
-"""The page's own steps, on a server that nobody looks at: what follows what, and what is kept."""
+"""The page's own steps, on a server without a real browser: their order, and what they keep."""
 
 import time
 from dataclasses import replace
@@ -108,7 +108,7 @@ def test_a_player_that_has_ended_is_told_from_none(page):
 def test_each_button_of_the_motion_does_one_thing_however_late_it_is_pressed(page, monkeypatch):
     monkeypatch.setattr("proximity_monitor.display.player_panel.ASK_S", 0.0)
     panel = page.all._player
-    for speed in (1.0, 0.0):  # another browser paused it, which this one may not show yet
+    for speed in (1.0, 0.0):  # paused by another browser; this one may not show it yet
         page.tell(playing=Playing(0.0, 0.0, speed, 10.0))
         press(panel._pause)
         page.tell()

@@ -1,4 +1,4 @@
-"""What the page must never do: pass off as known what is not, or let one browser harm another."""
+"""What the page must never do: show unknown things as known, or let one browser harm another."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def pages(open_page):
 
 @pytest.fixture
 def two(pages, sources, wait):
-    """Both as they were at first."""
+    """Both browsers, live and with all pairs clear."""
     for page in pages:
         at_present(page, wait)
         wait(lambda page=page: word(page) == "clear", "all to be clear")
@@ -54,22 +54,22 @@ def two(pages, sources, wait):
 
 @pytest.fixture
 def one(pages, wait):
-    """The first browser, whatever the other does."""
+    """The first browser, live, whatever the second does."""
     at_present(pages[0], wait)
     yield pages[0]
     assert pages[0].errors == []
 
 
 def look_back(page):
-    """The slider of the moment that is shown."""
+    """Return the slider of the moment that is shown."""
     return page.get_by_role("slider").and_(page.locator(":visible")).first
 
 
 def at_present(page, wait):
-    """Look at what is now, wherever the test before has looked."""
+    """Return to the present, whatever moment the test before has looked at."""
 
     def is_live():
-        look_back(page).press("End")  # again, if the browser's end was too old
+        look_back(page).press("End")  # again, if the slider's end was already past
         page.evaluate(SENT)
         return page.evaluate(STATE) == "live"
 
@@ -78,7 +78,7 @@ def at_present(page, wait):
 
 
 def coloured(page):
-    """How many pixels of the window are green, as what is clear is, or have stop's vermilion."""
+    """Return how many pixels of the window have clear's green, and how many stop's vermilion."""
     red, green, blue = np.moveaxis(decoded(page.screenshot()).astype(int), -1, 0)
     greens = (green - red > 60) & (green - blue > 25)
     vermilions = (red - green > 70) & (green - blue > 40)
@@ -86,20 +86,20 @@ def coloured(page):
 
 
 def words(page):
-    """All that the panel says, as it is seen."""
+    """Return the visible text of the panel: connection, banner and list."""
     return page.inner_text("#pm-connection") + page.inner_text("#pm-banner") + "".join(
         text for _, _, text in listed(page).values()
     )  # fmt: skip
 
 
-# What lies over the window once the news is old; nothing while it is fresh.
+# The texts that cover the window once the data is old; empty while it is fresh.
 VEIL = """() => ['::before', '::after'].map(part => getComputedStyle(document.body, part))
   .map(style => style.display === 'none' ? '' : style.content)"""
 OLD = ['""', '"? no news: all that is shown is old"']
 
 
 def all_is_old(page, said="#pm-pairs"):
-    """Whether the scene and what is said in a tab show nothing as known."""
+    """Return whether the scene and the text of a tab show nothing as known."""
     grey = coloured(page) == (0, 0) and page.evaluate(VEIL) == OLD
     return grey and not set("●■") & set(page.inner_text(said))
 
@@ -142,7 +142,7 @@ def test_the_end_of_the_slider_is_now_also_for_a_slow_browser(one, wait):
         return float(slider.get_attribute(f"aria-value{what}") or 0.0)
 
     wait(lambda: at("max") > 4.0, "some past")
-    for _ in range(9):  # of 0.1 s each: what was the end that long ago
+    for _ in range(9):  # 0.1 s each: the end that a slow browser may know
         slider.press("ArrowLeft")
     wait(lambda: at("now") == at("max"), "the end")
     assert one.evaluate(STATE) == "live"
@@ -198,7 +198,7 @@ def test_another_site_cannot_show_the_page_in_a_frame(browser, other_site, wait)
     page.close()
 
 
-# These end what others need, so they come last, and in this order.
+# The tests below end browsers and processes that others need: they come last, in this order.
 
 
 def test_a_held_part_has_an_owner_and_is_let_go_with_it(two, sources, wait):
@@ -226,7 +226,7 @@ def test_a_held_part_has_an_owner_and_is_let_go_with_it(two, sources, wait):
 
 @pytest.fixture
 def mixed(one, sources, wait):
-    """The first browser, to which one pair is below stop, others are clear, and all is fresh."""
+    """The first browser: it shows one pair below stop, others clear, and all data fresh."""
     sources.move("ball", (-0.2, 0.0, 0.11))
     wait(lambda: word(one) == "STOP", "the ball to be near")
     choose(one, "ball")
@@ -239,7 +239,7 @@ def mixed(one, sources, wait):
 
 
 def reads_as_old(page):
-    """Whether the panel names what was near, and calls nothing live or clear."""
+    """Return whether the panel names the pair that was near, and calls nothing live or clear."""
     said = words(page)
     return "? was STOP" in said and not any(each in said for each in ("live", "clear", "●", "■"))
 

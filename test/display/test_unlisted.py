@@ -1,4 +1,4 @@
-"""What the page says of pairs that a tick does not list."""
+"""What the page says about pairs that a tick does not list."""
 
 from dataclasses import replace
 
@@ -60,7 +60,7 @@ def test_pairs_that_are_not_listed_are_clear_only_as_far_as_that_is_known(
      (None, "no pair is listed")],
 )  # fmt: skip
 def test_where_no_pair_is_watched_none_is_clear(told, said):
-    """Diagnostics may be of before the attachment; the scene that tells of it is not."""
+    """The diagnostics may be older than the attachment; the scene already tells of it."""
     scene, now = replace(SCENE, unwatched={("a", "b")}), frame(1.0, names=())
     left = unlisted(now.pairs, scene, told)
     assert left.far == 0

@@ -1,4 +1,4 @@
-"""What stands in the scene graph for a body and for a pair, on a server that nobody looks at."""
+"""The nodes that show bodies and pairs in the scene graph, on a server without a browser."""
 
 import numpy as np
 import pytest
@@ -30,7 +30,7 @@ POSE = np.array([0, 0, 0, 1.0, 0, 0, 0])
 
 
 def drawn(view):
-    """The corners of the triangles that a browser has of a part."""
+    """Return the corners of the triangles that a browser has of a part."""
     return view.mesh.vertices[view.mesh.faces].reshape(-1, 3)
 
 
@@ -74,7 +74,7 @@ def test_corners_are_shared_where_the_surface_is_smooth_and_creases_stay_sharp()
     edges = shared[borders(triangles)]
     assert len(edges) == 6 + 4
     crease = (np.abs(edges[..., 0] - 2.0) < 1e-12) & (np.abs(edges[..., 2]) < 1e-12)
-    assert crease.all(axis=1).sum() == 2  # once of either side
+    assert crease.all(axis=1).sum() == 2  # once for each side of the crease
     flat = np.zeros_like(normals)
     assert len(smoothed(corners, flat)[0]) == len(corners)
 
@@ -111,12 +111,12 @@ def test_whatever_a_scene_measures_it_is_about_a_unit_on_the_page(server, size):
 
 @pytest.fixture
 def few(monkeypatch):
-    """Few bodies of one shape are instances already."""
+    """Nine bodies of one shape are enough to be drawn as instances."""
     monkeypatch.setattr(parts_module, "MANY", 9)
 
 
 def crowd(server):
-    """Nine bodies of one shape, of which no two have the same pose, and one of another."""
+    """Return nine bodies of one shape at different places and one of another, and a tick."""
     bodies = tuple(Body(f"b{i}", i > 0, f"b{i}", False, "1") for i in range(10))
     scene = SceneInfo(
         "s", "", "w", Unit("m", 1.0), bodies, frozenset(), 0, Thresholds(1, 0, 0), {}, True, {}
@@ -127,7 +127,7 @@ def crowd(server):
 
 
 def shown(api, name):
-    """The positions of the bodies that a node draws, and its opacity."""
+    """Return the x coordinates of the bodies that a node draws, and its opacity."""
     node = api._handle_from_node_name[name]
     drawn = node.batched_positions[node.batched_scales > 0.0] if node.visible else np.zeros((0, 3))
     return drawn[:, 0].tolist(), node.opacity
@@ -171,7 +171,7 @@ def test_what_is_set_apart_is_drawn_by_its_own_nodes_and_comes_back(server, few,
     assert view.mesh.opacity == (0.5 if why == "look" else None)
     assert view.mesh.visible == (why not in ("cut", "coat"))
     if why == "shape":
-        return  # it has another shape now
+        return  # b2 has another shape now
     view.cut_away(False)
     view.coat(api, ())
     parts.show(frame, {}, Choice(), ())
@@ -219,5 +219,5 @@ def test_the_nearest_are_drawn_all_that_are_not_clear_and_never_what_is_ignored(
     assert shown_rows(told, Choice(lines=2, ignored=ignored)).tolist() == [1, 2]
     assert shown_rows(told, Choice(pair=("a", "0"))).tolist() == [0]
     assert shown_rows(told, Choice(pair=("a", "5"))).tolist() == []
-    # Whatever is at the gizmo has all its lines.
+    # The body at the gizmo has all its lines.
     assert shown_rows(told, Choice(lines=1, body="2")).tolist() == [4, 2, 3]

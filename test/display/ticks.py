@@ -28,7 +28,7 @@ def frame(stamp_s, lower, upper=None, **given):
 
 
 def scene_and_frame(*, unlisted=0, range_m=0.1):
-    """A scene of three pairs, the least clearance of a is 0.01 m above a limit, and a tick."""
+    """Return a scene of three pairs, and a tick in which body a has a margin of 0.01 m to stop."""
     names = (("a", "b"), ("c", "a"), ("b", "c"))
     limits = {("c", "a"): Thresholds(0.05, 0.03, 0.0)}
     bodies = tuple(Body(name, True, None, False, "", range=range_m) for name in "abc")

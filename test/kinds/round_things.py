@@ -1,4 +1,4 @@
-"""A kind of model that the package does not know, as another package would bring it: one ball."""
+"""A kind of model that proximity_monitor does not know, as another package would add it: a ball."""
 
 import hashlib
 
@@ -9,7 +9,7 @@ from proximity_monitor.engine.models.model import Feature
 
 
 class Ball(engine.Model):
-    """A ball. What the kernels search is that of a point which a ball sweeps."""
+    """A ball. The kernels search `_core`: a point swept by a ball."""
 
     kind = "ball"
 
@@ -46,6 +46,6 @@ class Ball(engine.Model):
 
 
 def read_ball(data, file, how):
-    """Three coordinates and a radius, as text."""
+    """Read a ball from text: three coordinates and a radius."""
     *centre, radius = (float(number) * how.unit * how.scale for number in data.split())
     return Ball(centre, radius, deviation=how.deviation, volume=how.volume, solid=how.solid)

@@ -1,4 +1,4 @@
-"""The study runs, keeps what it promises about its own numbers, and says what is wrong with it."""
+"""The study runs, its numbers keep its promises, and it reports wrong arguments and data."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def test_errors_asked_for_are_respected(measured):
         assert int(row["queries"]) > 50
         assert float(row["error_max"]) <= float(row["rel_err"])
         assert float(row["bound_tests"]) <= float(rows[0]["bound_tests"])
-    assert float(rows[-1]["error_max"]) > 0.01  # it does use the error that it may make
+    assert float(rows[-1]["error_max"]) > 0.01  # it does use the error allowed
 
 
 def test_all_kinds_of_volume_answer_all_questions(measured):
@@ -162,7 +162,7 @@ def test_recorded_data_that_does_not_read_is_told(text, tmp_path, capsys):
 
 
 def ended_by(error):
-    """A part of one scene whose measuring ends so."""
+    """Return a part of one scene whose measuring raises `error`."""
 
     def measure(job):
         raise error
@@ -254,7 +254,7 @@ def test_an_interrupt_leaves_what_was_measured(tmp_path):
 
 
 def answers(*pairs: engine.Pair, **settings: float) -> Timed:
-    """What pairs of points answer, two metres apart."""
+    """Return the answers of pairs of points, the second model moved by two metres along x."""
     there = np.eye(4)
     there[0, 3] = 2.0
     found = [pair.distance(np.eye(4), there, **settings) for pair in pairs]
@@ -274,7 +274,7 @@ def test_a_broken_certificate_is_found():
 
 
 def quickly(part, scene):
-    """What a part measures of a scene of surfaces, from few queries."""
+    """Return what a part measures on a scene of surfaces with few queries."""
     made = SURFACES[scene]()
     return part.measure(Job(scene, replace(made, block=8), True, lambda share: None))
 
@@ -326,7 +326,7 @@ def test_the_papers_cells_are_read_from_the_right_places():
 
 
 def test_cones_prune_no_pair_that_holds_the_nearest_points():
-    """Of two domes the nearest points are where four patches of either meet: in their corners."""
+    """The nearest points of two domes are at a corner of four patches each: 16 pairs hold them."""
     rows = quickly(cones, "sheets/facing")
     for method in cones.METHODS:
         mine = only(rows, method=method)
@@ -336,7 +336,7 @@ def test_cones_prune_no_pair_that_holds_the_nearest_points():
     told = {m: only(rows, method=m, level=2)[0]["pairs"] for m in cones.METHODS}
     assert told["directions and cones"] <= told["directions"] < told["spheres"]
     assert told["spheres and cones"] < told["spheres"]
-    # The closest cells of both, and cells far apart whose normals are opposite as well.
+    # Two parallel squares 1 apart are kept at a distance of 1, and pruned at a distance of 0.9.
     flat = np.stack(np.meshgrid(*2 * [np.linspace(0.0, 1.0, 4)], indexing="ij"), axis=-1)
     nets = np.stack([np.dstack((flat, np.full((4, 4), height))) for height in (0.0, 1.0)])
     cells, pairs = cones.Cells(nets), np.array([[0, 1], [0, 0]])
