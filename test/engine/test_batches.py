@@ -36,14 +36,6 @@ def path(seed, count, spread=1.0):
     return np.array([pose(rng, spread) for _ in range(count)])
 
 
-def check_status(found):
-    """Check that the bounds are ordered, and that exact answers have narrow bounds."""
-    gap = found.upper - found.lower
-    exact = found.status == STATUS.index(Status.EXACT)
-    assert (gap[exact] <= 1e-12 + 0.2).all()
-    assert (found.lower <= found.upper).all()
-
-
 @pytest.mark.parametrize("clearance", [0.0, 0.2, 1.0])
 def test_a_clearance_decides_as_within_and_collide_do(clearance):
     a, b = torus(24), soup(3)

@@ -56,8 +56,6 @@ def memory_of(thing, models=(), seen=None):
     if hasattr(thing, "py_func"):  # a kernel: all objects share it
         return []
     seen[id(thing)] = thing
-    if hasattr(thing, "py_func"):  # compiled code has no memory of a search
-        return []
     if isinstance(thing, np.ndarray):
         return [thing] if thing.size else []
     if isinstance(thing, dict):

@@ -79,7 +79,7 @@ def check(answer, a, pose_a, b, pose_b, gap=4e-12, known=None):
     return true
 
 
-def ring(count, radius, columns=3):
+def ring(radius, columns=3):
     """Return a circle of rational quarters, in the plane."""
     made = revolved([[radius, 0.0], [radius, 1.0]], [1.0, 1.0])
     return ParametricSurface(
@@ -101,7 +101,7 @@ MODELS = {
     "curve": lambda: curve(1),
     "rational curve": lambda: curve(2, decades=4.0),
     "plane curve": lambda: curve(7, columns=2),
-    "plane ring": lambda: ring(4, 1.0, 2),
+    "plane ring": lambda: ring(1.0, 2),
     "line": lambda: Curve([[0.0, 0.0], [1.0, 2.0]]),
     "degree 15": lambda: patch(5, (16, 16), (15, 15)),
     "degree 1": lambda: patch(8, (3, 4), (1, 1)),
@@ -230,7 +230,7 @@ CONTINUA = {
     "same square": (SQUARE, SQUARE, HERE, 0.0),
     "concentric cylinders": (cylinder(1.0), cylinder(0.999), HERE, 1e-3),
     "cylinders far apart": (cylinder(1.0), cylinder(0.5), moved((0, 0, 0.5)), 0.5),
-    "concentric rings": (ring(4, 1.0), ring(4, 0.75), HERE, 0.25),
+    "concentric rings": (ring(1.0), ring(0.75), HERE, 0.25),
     "patch and itself": (bumps(1), bumps(1), HERE, 0.0),
     "patch and its copy": (bumps(1), bumps(1), moved((0.0, 0.0, 1e-3)), None),
     "sphere and point": (
