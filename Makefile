@@ -49,7 +49,7 @@ RUN = PATH="$(abspath $(VENV))/bin:$$PATH" PYTHONSAFEPATH=1 \
 .PHONY: help demo test test-long indices bench robots latency accuracy docs lint format clean
 
 help:
-	@echo 'make demo [ARGS="--seconds 10"]   watch the bundled scene in the terminal'
+	@echo 'make demo [ARGS="--seconds 10"]   watch the bundled scene: a table here, a page in the browser'
 	@echo 'make test [ARGS="-k scene"]       run the tests, six minutes (ARGS go to pytest: all, or some)'
 	@echo 'make test-long                    run the tests that take long, which make test leaves out'
 	@echo 'make indices                      ask every question under a check of every index'
