@@ -51,52 +51,52 @@ SPECS: Mapping[str, Spec] = {
     ),
     "fixed_frame": Spec(
         "",
-        "Frame of all poses and results; empty: the scene file's. Read when configured.",
+        "Frame of all poses and results; empty: that of the scene file. Read when configured.",
         fixed=True,
     ),
     "autostart": Spec(True, "Configure and activate at start, without a manager.", fixed=True),
     "rate_hz": Spec(
-        AS_SCENE, "Ticks a second; -1: the scene file's.", *bounds("rate_hz"), overrides=True
+        AS_SCENE, "Ticks per second; -1: as in the scene file.", *bounds("rate_hz"), overrides=True
     ),
     "budget_ms": Spec(
         AS_SCENE,
-        "Time for the searches of one tick, in milliseconds; 0 only certifies bounds; -1: the scene"
-        " file's.",
+        "Time for the searches of one tick, in milliseconds; 0: no search, bounds are still"
+        " certified; -1: as in the scene file.",
         *bounds("budget_ms"),
         overrides=True,
     ),
     "rel_err": Spec(
         AS_SCENE,
-        "Relative tolerance of all pairs; 0 is exact; -1: each pair's from the scene file.",
+        "Relative tolerance of all pairs; 0 is exact; -1: for each pair as in the scene file.",
         *bounds("tolerance.rel_err"),
         overrides=True,
     ),
     "abs_err": Spec(
         AS_SCENE,
-        "Absolute tolerance of all pairs, in metres; 0 is exact; -1: each pair's from the scene"
+        "Absolute tolerance of all pairs, in metres; 0 is exact; -1: for each pair as in the scene"
         " file.",
         *bounds("tolerance.abs_err"),
         overrides=True,
     ),
     "pose_timeout_s": Spec(
         0.5,
-        "Seconds after its stamp at which a pose, a joint's position or a shape is stale: refused"
-        " if it arrives so late, and a body without a newer one makes its pairs stale. With"
-        " use_sim_time all bodies are stale when /clock stands still for so many seconds of real"
-        " time.",
+        "A pose, a joint position or a shape is stale this many seconds after its stamp. If it"
+        " arrives later than that, it is refused. A body without a newer one makes its pairs stale."
+        " With use_sim_time, all bodies are stale while /clock stands still for this many seconds"
+        " of real time.",
         0.01,
         3600.0,
     ),
-    "markers": Spec(True, "Publish ~/markers and ~/parts where they have subscribers."),
+    "markers": Spec(True, "Publish ~/markers and ~/parts if they have subscribers."),
     "tick_on_pose": Spec(
         True,
-        "Tick as soon as every body has a new pose, or one that rested has moved, at most rate_hz"
-        " times a second, and otherwise at rate_hz; false: always at rate_hz.",
+        "Tick as soon as every body has a new pose, or a body at rest has moved, but at most rate_hz"
+        " times per second; tick at rate_hz if no poses come. false: always tick at rate_hz.",
     ),
     "record_distances": Spec(
         False,
-        "Compute distances at every tick, for the recording, where no subscriber asks for them;"
-        " false: it then holds what was certified to judge the thresholds.",
+        "Compute distances for the recording at every tick, even if nobody subscribes to them."
+        " false: without subscribers, the recording has the bounds that judge the thresholds.",
     ),
     "recording_dir": Spec(
         "", "Folder for the files of ~/dump_recording; empty: the current folder of the node."
@@ -106,13 +106,13 @@ SPECS: Mapping[str, Spec] = {
     ),
     "body_topics": Spec(
         True,
-        "Subscribe to a pose topic for each moving body; false, for hundreds of bodies: their poses"
-        " come together, on the topic poses. Read when configured.",
+        "Subscribe to a pose topic for each moving body. false, for hundreds of bodies: their poses"
+        " come together on the topic poses. Read when configured.",
         fixed=True,
     ),
     "tf": Spec(
         False,
-        "Take poses from /tf as well, of frames that are named like bodies; needs tf2_msgs. Read"
+        "Also take poses from /tf, for frames that have the names of bodies; needs tf2_msgs. Read"
         " when configured.",
         fixed=True,
     ),

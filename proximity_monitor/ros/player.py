@@ -103,16 +103,16 @@ class ProximityPlayer(Node):
                 AS_SCENE,
                 AS_SCENE,
                 1000.0,
-                f"Messages a second for each body; -1: the scene's, or {LEAST:g} if that is less.",
+                f"Messages per second for each body; -1: as in the scene, but at least {LEAST:g}.",
             ),
-            "speed": (1.0, 0.0, 1000.0, "Seconds of motion in a second; 0 stands still."),
-            "seek_s": (0.0, 0.0, 1e9, "Moment of the motion to go on from, in seconds."),
+            "speed": (1.0, 0.0, 1000.0, "Seconds of motion per second; 0 stands still."),
+            "seek_s": (0.0, 0.0, 1e9, "Moment of the motion from which to go on, in seconds."),
         }
         other = {
             "scene": ("engine", "Scene file, or the name of a bundled scene."),
-            "fixed_frame": ("", "Frame of the poses; empty: the scene file's."),
-            "loop": (True, "Go on after one period; false ends the player there."),
-            "bulk": (False, "One PoseArray of all moving bodies in place of a message for each."),
+            "fixed_frame": ("", "Frame of the poses; empty: that of the scene file."),
+            "loop": (True, "Repeat the motion; false: the player ends after one period."),
+            "bulk": (False, "Publish one PoseArray of all moving bodies instead of a message for each."),
         }
         for name, (default, low, high, text) in number.items():
             limits = [FloatingPointRange(from_value=low, to_value=high)]

@@ -150,7 +150,7 @@ class SceneParameters:
                 parameters.declare_one(self._node, f"{prefix}.{limit}", default, descriptor)
         for word, child in self._attachable.items():
             descriptor = ParameterDescriptor(
-                description=f"The body that {child} hangs on from now on; empty: on none."
+                description=f"The body to which {child} is attached from now on; empty: none."
             )
             self._node.declare_parameter(f"{_ATTACHMENTS}{word}", "", descriptor)
 
