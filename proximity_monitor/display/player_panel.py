@@ -51,7 +51,7 @@ class PlayerPanel:
                 min=0.0,
                 max=SPEED_MOST,
                 step=0.01,  # it also rounds what is typed
-                hint="Seconds of motion in a second",
+                hint="Seconds of motion per second",
             )
             self._seek = gui.add_slider("Moment [s]", 0.0, 1.0, 0.001, 0.0)
 

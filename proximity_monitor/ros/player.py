@@ -112,7 +112,7 @@ class ProximityPlayer(Node):
             "scene": ("engine", "Scene file, or the name of a bundled scene."),
             "fixed_frame": ("", "Frame of the poses; empty: that of the scene file."),
             "loop": (True, "Repeat the motion; false: the player ends after one period."),
-            "bulk": (False, "Publish one PoseArray of all moving bodies instead of a message for each."),
+            "bulk": (False, "Publish one PoseArray of all moving bodies, not a message for each."),
         }
         for name, (default, low, high, text) in number.items():
             limits = [FloatingPointRange(from_value=low, to_value=high)]
