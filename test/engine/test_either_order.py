@@ -39,7 +39,11 @@ COLUMNS = [LOWER, LOWER + 1, *range(POINT_B, POINT_B + 3), *range(POINT_A, POINT
 
 @pytest.mark.parametrize(
     ("at", "order"),
-    [("apart", "depth_first"), ("crossing", "depth_first"), ("apart", "breadth_first")],
+    [
+        ("apart", "depth_first"),
+        ("crossing", "depth_first"),
+        pytest.param("apart", "breadth_first", marks=pytest.mark.long),  # it compiles long
+    ],
 )
 def test_the_answer_is_the_mirror_of_the_other(at, order):
     where = PLACES[at]

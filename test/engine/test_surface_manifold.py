@@ -129,19 +129,24 @@ CONTINUA = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", CONTINUA)
-def test_all_of_a_continuum_is_in_the_solution_set(name):
+@pytest.mark.parametrize(
+    ("name", "order"),
+    [
+        *((name, "depth_first") for name in CONTINUA),
+        pytest.param("parallel planes", "priority", marks=pytest.mark.long),  # it compiles long
+    ],
+)
+def test_all_of_a_continuum_is_in_the_solution_set(name, order):
     a, b, pose_b, tolerance, known, samples = CONTINUA[name]
     plain = engine.distance(a, HERE, b, pose_b, **tolerance)
-    for order in ("depth_first", "priority") if name == "parallel planes" else ("depth_first",):
-        found = engine.distance(a, HERE, b, pose_b, manifold=True, order=order, **tolerance)
-        assert found.status is plain.status
-        assert found.lower <= known <= found.upper
-        check_bounds(found, a, b, pose_b)
-        (whole,) = found.solution_set
-        for sample in samples():
-            assert covers(found.manifold, *sample).all()
-            assert covers(whole, *sample).all()
+    found = engine.distance(a, HERE, b, pose_b, manifold=True, order=order, **tolerance)
+    assert found.status is plain.status
+    assert found.lower <= known <= found.upper
+    check_bounds(found, a, b, pose_b)
+    (whole,) = found.solution_set
+    for sample in samples():
+        assert covers(found.manifold, *sample).all()
+        assert covers(whole, *sample).all()
 
 
 def test_regions_shrink_with_the_tolerance_and_with_that_of_parameters():
