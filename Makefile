@@ -50,8 +50,8 @@ RUN = PATH="$(abspath $(VENV))/bin:$$PATH" PYTHONSAFEPATH=1 \
 
 help:
 	@echo 'make demo [ARGS="--seconds 10"]   watch the bundled scene: a table here, a page in the browser'
-	@echo 'make test [ARGS="-k scene"]       run the tests, six minutes (ARGS go to pytest: all, or some)'
-	@echo 'make test-long                    run the tests that take long, which make test leaves out'
+	@echo 'make test [ARGS="-k scene"]       run the tests but the long ones (ARGS go to pytest instead)'
+	@echo 'make test-long                    run the long ones (MARKS: which; default long)'
 	@echo 'make indices                      ask every question under a check of every index'
 	@echo 'make bench [ARGS="--quick"]        time the engine beside FCL and coal (--pqp DIR: PQP too)'
 	@echo 'make robots [ARGS="--quick"]       all links of real robots against pinocchio and coal'
@@ -75,8 +75,10 @@ PYTEST = $(RUN) $(ENV_PYTHON) -m pytest -n $(WORKERS) --dist loadfile --no-loads
 test: $(VENV)/.installed-test
 	$(PYTEST) $(if $(ARGS),$(ARGS),-m "not long")
 
+MARKS ?= long
+
 test-long: $(VENV)/.installed-test
-	$(PYTEST) --ignore=$(INDICES) -m long
+	$(PYTEST) --ignore=$(INDICES) -m "$(MARKS)"
 
 indices: $(VENV)/.installed-test
 	$(RUN) $(ENV_PYTHON) -m pytest $(INDICES)

@@ -104,7 +104,7 @@ class LimitsPanel:
         top = max(scene.thresholds.warn * to_unit, least)
         settings = scene.settings
         _set(self._abs, (settings["abs_err"] or 0.0) * to_unit, top, 1000, anew)
-        _set(self._budget, settings["budget_ms"], 2e3 / (settings["rate_hz"] or 1.0), 200, anew)
+        _set(self._budget, settings["budget_ms"], 2e3 / settings["rate_hz"], 200, anew)
         _set(self._rel, 100.0 * (settings["rel_err"] or 0.0), _REL_TOP, 100, anew)
         whose = f"of {escape(' - '.join(pair))}" if own else "of all pairs without their own"
         self._whose.content = f"<div class='pm pm-small pm-dim'>{whose}</div>"

@@ -167,6 +167,12 @@ def test_a_tiny_loop_has_a_proven_side(radius):
     assert examine(Trim([back], *UNIT))[:2] == ("", [True])
 
 
+def test_a_loop_of_very_many_lines_has_a_side():
+    angles = 2.0 * np.pi * np.arange(4200) / 4200
+    ring = polygon(*(0.5 + 0.3 * np.column_stack([np.cos(angles), np.sin(angles)])))
+    assert examine(Trim([ring], *UNIT))[:2] == ("", [False])
+
+
 def slanted(parts):
     """Return a cylinder of radius 1 from z = 0 to 1 + SLOPE x. Its upper edge is of quintics."""
     knots = np.repeat([0.0, 0.5 * np.pi], 3), np.repeat([0.0, 2.0], 2)

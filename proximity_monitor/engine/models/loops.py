@@ -32,8 +32,9 @@ _CUSP = 1e-6
 """As a share of the rectangle: stretches no larger than this beside a cusp may cross, because
 rounding hides whether they do."""
 
-_MANY = 4096
-"""The most stretches of a loop whose area is still made more accurate."""
+_MANY, _MANY_TIMES = 4096, 8
+"""A loop whose side is not proven is divided into up to so many stretches, or into so many times
+as many as it has, whichever is more."""
 
 _OUTSIDE = 0.5
 """Segments that stand for a side of the rectangle are at least so far outside it (see trim.py)."""
@@ -235,7 +236,8 @@ def _area(loop: Sequence[Reals], slack: float) -> float:
     most twice `slack` times its length. That is counted twice, which covers the products below:
     they are of differences, so what rounds off is a share of the loop's own size.
     """
-    while len(loop) <= _MANY:
+    most = max(_MANY, _MANY_TIMES * len(loop))
+    while True:
         ends = np.array([_hull(each)[0] for each in loop])
         steps = np.roll(ends, -1, axis=0) - ends
         ends = ends - ends[0]
@@ -245,10 +247,9 @@ def _area(loop: Sequence[Reals], slack: float) -> float:
         length = sum(float(np.hypot(*np.diff(_hull(each), axis=0).T).sum()) for each in loop)
         if abs(area) > missing + 4.0 * slack * (length + slack):
             return area
-        if all(len(each) == 2 for each in loop):
-            break
+        if len(loop) > most or all(len(each) == 2 for each in loop):
+            return 0.0
         loop = list(chain(*(split(each) if len(each) > 2 else (each,) for each in loop)))
-    return 0.0
 
 
 def _hull_area(net: Reals) -> float:
