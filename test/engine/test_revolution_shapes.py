@@ -37,6 +37,14 @@ def to_point(model, x, z):
     return found
 
 
+def from_polyline(points, corners):
+    """Return the least distance of points from a polyline of the plane."""
+    p, way = corners[:-1], np.diff(corners, axis=0)
+    from_p = points[:, None] - p
+    share = np.clip((from_p * way).sum(-1) / (way * way).sum(-1), 0.0, 1.0)
+    return np.linalg.norm(from_p - share[..., None] * way, axis=-1).min()
+
+
 def test_a_profile_of_500_spans():
     """The oracle is the distance to points of the profile by scipy, in the half-plane."""
     count = 503
@@ -126,6 +134,29 @@ def test_coaxial_solids_whose_nearest_points_are_a_continuum(one, other, apart, 
     found = engine.distance(one(), IDENTITY, other(), translation(0.0, 0.0, apart), abs_err=1e-4)
     assert found.lower <= expected <= found.upper
     assert found.upper - found.lower <= 1.01e-4
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "off", "up"),
+    [
+        ([(0, -0.0846), (0.577, 0), (0, 0.0857)], [(0, -6.2e-6), (0.352, 0), (0, 3.1e-4)], 3e-5, 0),
+        ([(0, -0.381), (0.0239, 0), (0, 0.381)], [(0, -0.762), (0.109, 0), (0, 0.762)], 3e-9, 6e-6),
+        ([(0, -0.349), (1.3e-4, 0), (0, 0.349)], [(0, -0.825), (0.0166, 0), (0, 0.825)], 3e-9, 0),
+        ([(0, -1.9e-5), (0.603, 0), (0, 9e-6)], [(0, -2e-3), (0.896, 0), (0, 5e-4)], 1e-3, 1.5e-4),
+    ],
+    ids=["flat in steep", "thin in thick", "needle", "flat in flat"],
+)
+def test_cones_at_small_angles_about_nearly_one_axis(one, other, off, up):
+    """Both orders have to end, though `facing` is far off for chords at a small angle."""
+    one, other = np.array(one, float), np.array(other, float)
+    a, b, there = turned(*one), turned(*other), translation(off, 0.0, up)
+    there_b = other + np.array([0.0, up])
+    apart = min(from_polyline(there_b, one), from_polyline(one, there_b))
+    for models in ((a, IDENTITY, b, there), (b, there, a, IDENTITY)):
+        found = engine.distance(*models)
+        assert found.upper - found.lower <= 1e-10
+        assert found.lower <= apart + off and found.upper >= apart - off
+        assert found.bound_tests < 5000
 
 
 GOOD = np.array([[0.0, 0], [1, 0], [1.5, 0.5], [1, 1], [0, 1]])

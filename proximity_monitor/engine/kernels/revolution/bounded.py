@@ -12,7 +12,7 @@ from .arcs import fit_arc
 from .bound import begin_of, facing, spread_of
 from .build import NARROW, put_halves
 from .certificate import least_around
-from .coaxial import between_circles
+from .coaxial import ALIKE, between_circles, facing_about_axis
 from .front import FRONT, keep_ring
 from .heap import add_ring
 from .minima import find_minimum, measure_rings
@@ -118,6 +118,11 @@ def bound_rings(tree_a, tree_b, state, motion, a, b, angle, half, sector, bound)
         bound = max(bound, gap_along(tree_a, tree_b, state, a, b, sector, motion, n, e, fine))
         if bound < progress.limit:
             bound = max(bound, gap_of_circles(progress, arc_a, arc_b, motion))
+        if bound < progress.limit and abs(motion[8]) > ALIKE:
+            _, there = facing_about_axis(arc_a, arc_b, sector, motion)
+            least = gap_along(tree_a, tree_b, state, a, b, sector, motion, there, e, fine)
+            if least > bound:
+                bound, n = least, there
         if bound >= progress.limit:
             keep_ring(state, a, b, angle, half, sector, n, e)
             return 1

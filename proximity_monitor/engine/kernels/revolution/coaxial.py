@@ -15,7 +15,9 @@ from __future__ import annotations
 import numpy as np
 
 from ..base.jit import inlined, kernel
+from ..base.memory import table_on_stack
 from ..base.trees import NONE
+from .newton import to_a
 from .reach import arc_at, bulge, most_in, reach_of
 
 ALIKE = 0.98
@@ -148,6 +150,45 @@ def begin_about_axis(tree_b, own_b, b, fine, sector, motion, n, m, wanted):
         return -np.inf
     v, begin = _about_axis(arc, sector, motion, n, m)
     return begin - reach_of(tree_b, own_b, b, fine, -v[0], -v[1], begin - wanted)
+
+
+@kernel
+def facing_about_axis(arc_a, arc_b, sector, motion):
+    """Estimate where a's chord and b's chord in the middle of a sector are nearest, in a's plane.
+
+    `facing` takes the width of the sector into account, but may stop far from the nearest points if
+    the chords are at a small angle. About one axis the width does not matter.
+
+    Returns:
+        The distance, metres, and the unit vector from a's nearest point to b's. If one of these is
+        inside its chord, the vector is that chord's normal, which rounding does not tilt.
+    """
+    ends = table_on_stack(4, 2, 0.0)
+    for k in range(2):
+        side = 2.0 * k - 1.0
+        ends[k, 0] = arc_a.middle[0] + side * arc_a.half[0]
+        ends[k, 1] = arc_a.middle[1] + side * arc_a.half[1]
+        rho, z = arc_b.middle[0] + side * arc_b.half[0], arc_b.middle[1] + side * arc_b.half[1]
+        x, y, z = to_a(motion, rho * sector[0], rho * sector[1], z)
+        x, y = x + motion[9], y + motion[10]
+        ends[2 + k, 0], ends[2 + k, 1] = np.sqrt(x * x + y * y), z + motion[11]
+    least, n, m = np.inf, 0.0, 0.0
+    for k in range(4):  # each end of a chord, and the other chord
+        other, sign = (2, -1.0) if k < 2 else (0, 1.0)
+        hx, hz = ends[other + 1, 0] - ends[other, 0], ends[other + 1, 1] - ends[other, 1]
+        x, z = ends[k, 0] - ends[other, 0], ends[k, 1] - ends[other, 1]
+        squared = hx * hx + hz * hz
+        s = min(max((x * hx + z * hz) / squared, 0.0), 1.0) if squared > 0.0 else 0.0
+        x, z = x - s * hx, z - s * hz
+        apart = np.sqrt(x * x + z * z)
+        if not 0.0 < apart < least:
+            continue
+        least, length = apart, apart
+        if 0.0 < s < 1.0:
+            length = np.sqrt(squared) if hx * z > hz * x else -np.sqrt(squared)
+            x, z = -hz, hx
+        n, m = sign * x / length, sign * z / length
+    return least, (n, m)
 
 
 @inlined
