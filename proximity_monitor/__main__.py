@@ -227,11 +227,13 @@ def _display(chosen: argparse.Namespace) -> int:
 def _check(chosen: argparse.Namespace) -> int:
     from proximity_monitor import motion
     from proximity_monitor.scene import load_scene
+    from proximity_monitor.scene.bodies import check_topics
     from proximity_monitor.scene.naming import safe
     from proximity_monitor.scene.opening import find_scene, load_models
     from proximity_monitor.scene.unseen import unseen_containment
 
     scene = load_scene(find_scene(chosen.scene))
+    check_topics(scene.bodies, str(scene.path))
     models = load_models(scene)
     moves = motion.from_scene(scene, models).describe() if scene.motion is not None else ""
     print(f"{scene.path}: frame {scene.frame}, {scene.rate_hz:g} Hz, {scene.budget_s * 1e3:g} ms")

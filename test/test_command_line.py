@@ -126,6 +126,21 @@ def test_what_is_wrong_with_a_scene_is_said(tmp_path, capsys):
     assert "none.yaml" in capsys.readouterr().err
 
 
+def test_a_check_refuses_two_bodies_on_one_topic_however_it_is_written(tmp_path, capsys):
+    """A node without a namespace refuses them, too."""
+    path = tmp_path / "shared.yaml"
+    bodies = (f"  - {{name: {name}, primitive: {{point: {{}}}}, TOPIC}}" for name in "abc")
+    text = "\n".join(("version: 1", "unit: mm", "bodies:", *bodies, ""))
+    for topic in ("x", "/x", "~/x"):
+        text = text.replace("TOPIC", f"topic: {topic}", 1)
+    path.write_text(text)
+    assert main(["scene", "check", str(path)]) == 1
+    said = capsys.readouterr().err
+    assert "shared.yaml: bodies 'a', 'b' read their poses from one topic, /x" in said
+    path.write_text(text.replace("topic: /x", "topic: /y"))
+    assert main(["scene", "check", str(path)]) == 0
+
+
 @pytest.mark.parametrize("how", ["-m proximity_monitor demo", "scripts/node", "scripts/player"])
 def test_an_interrupt_while_python_imports_ends_it_quietly(how):
     """Ctrl-C in the first moments, here as soon as numba is imported."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +23,7 @@ from proximity_monitor.scene.description import (
     Torus,
     Unit,
 )
-from proximity_monitor.scene.naming import safe
+from proximity_monitor.scene.naming import rooted, safe
 from proximity_monitor.scene.paths import model_path
 from proximity_monitor.scene.poses import pose_matrix
 from proximity_monitor.scene.report import Keys, Report, SceneError, listed, shown
@@ -58,6 +58,29 @@ def read_bodies(
             groups[whole.name] = [body.name for body in found]
         bodies += found
     return tuple(bodies), groups
+
+
+def check_topics(bodies: Iterable[Body], file: str) -> None:
+    """Check that no two bodies read their poses from one topic, as ``x`` and ``/x`` may be.
+
+    `read_bodies` compares the topics as they are written, because under a namespace these two
+    differ. Here they are those of a node without a namespace.
+
+    Raises:
+        SceneError: for all bodies that share a topic; the message begins with `file`.
+    """
+    readers: dict[str, list[str]] = {}
+    for body in bodies:
+        if body.topic is not None:
+            readers.setdefault(rooted(body.topic), []).append(f"'{body.name}'")
+    shared = [
+        f"{file}: bodies {listed(names)} read their poses from one topic,"
+        f" {topic} without a namespace; give each a topic of its own"
+        for topic, names in readers.items()
+        if len(names) > 1
+    ]
+    if shared:
+        raise SceneError("\n".join(shared))
 
 
 def _unique(name: str, seen: dict[str, int], keys: Keys, report: Report) -> bool:
