@@ -29,6 +29,7 @@ def main() -> None:
         tick = monitor.tick(poses, budget_s=1.0)  # ample, because nothing waits for the tick
         for change in alerts.update(tick, thresholds, seconds):
             print(f"{seconds:4.1f} s  {change.a} - {change.b}: {change.new.value}: {change.reason}")
+        monitor.keep(alerts.held)  # ticks list these pairs, however far apart they are
 
 
 if __name__ == "__main__":
