@@ -101,6 +101,14 @@ def test_shapes_that_differ_in_anything_but_the_name_have_different_digests():
     assert moved.digest() == models[3].digest()
 
 
+def test_meshes_of_which_one_has_an_inside_have_different_digests():
+    """Nor has a robust one the inside of one that must enclose it."""
+    box = shapes.box((1.0, 1.0, 1.0))
+    every = None, True, False, "robust"
+    made = [engine.TriangleMesh(box.vertices, box.faces, solid=solid) for solid in every]
+    assert len({model.digest() for model in made}) == len(made)
+
+
 def test_a_solid_of_revolution_alone_stays_one():
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = [[0, 0, 1], [1, 0, 0], [0, 1, 0]], (1.0, 2.0, 3.0)

@@ -176,9 +176,13 @@ class TriangleMesh(Model):
         return Feature(_LIES_ON[int(np.count_nonzero(parameters)) - 1], element, parameters)
 
     def digest(self) -> str:
-        """Return a checksum, 16 hexadecimal digits, of triangles, swept radius and deviation."""
+        """Return a checksum, 16 hexadecimal digits.
+
+        It covers the triangles, the swept radius, the deviation and `solid` as given.
+        """
         found = hashlib.blake2b(self.kind.encode(), digest_size=8)
         found.update(struct.pack("<2d", self.swept_radius, self.deviation))
+        found.update(repr(self._hierarchy.solid).encode())
         for array in (self.vertices, self.faces):
             found.update(struct.pack("<q", len(array)))
             found.update(array)
