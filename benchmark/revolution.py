@@ -35,6 +35,7 @@ import occt
 import peers
 from numpy.typing import NDArray
 from revolution_depth import FITTED, HEADINGS, depths, fits
+from revolution_mesh import tessellated
 from revolution_motion import deforming, morphing, motion
 from revolution_page import table, write_page
 from surface_scenes import at, torus, turned
@@ -66,60 +67,6 @@ def solids() -> dict[str, engine.SolidOfRevolution]:
         solid.deform(solid.control_points / np.abs(solid.control_points).max())
         made[name] = solid
     return made
-
-
-def tessellated(
-    solid: engine.SolidOfRevolution, precision: float, most: int
-) -> tuple[NDArray[np.float64], NDArray[np.int32], float]:
-    """Return vertices, faces, and by how much they may be off the solid, metres.
-
-    That is `precision`, or more if the mesh would have more triangles than `most`.
-    """
-    while True:
-        points = _polygon(solid, 0.5 * precision)
-        widest = points[:, 0].max()
-        around = max(math.ceil(math.pi / math.acos(1.0 - 0.5 * precision / widest)), 8)
-        if 2 * around * len(points) <= most:
-            break
-        precision *= 1.2
-    turn = np.linspace(0.0, 2.0 * np.pi, around, endpoint=False)
-    rho, z = points.T
-    vertices = np.stack(
-        (np.outer(rho, np.cos(turn)), np.outer(rho, np.sin(turn)), np.tile(z[:, None], around)),
-        axis=2,
-    ).reshape(-1, 3)
-    i, j = np.meshgrid(np.arange(len(points) - 1), np.arange(around), indexing="ij")
-    one, two = i * around + j, i * around + (j + 1) % around
-    faces = np.concatenate(
-        [np.stack(each, axis=2).reshape(-1, 3) for each in (
-            (one, two, one + around), (two, two + around, one + around))]
-    )  # fmt: skip
-    corners = vertices[faces]
-    area = np.linalg.norm(
-        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
-    )
-    return vertices, faces[area > 0.0].astype(np.int32), precision
-
-
-def _polygon(solid: engine.SolidOfRevolution, error: float) -> NDArray[np.float64]:
-    """Return points of the profile whose chords err by at most `error` (m) at their middles."""
-    rows = []
-    for net in solid.profile.nets:
-        along, _ = net.spans
-        for low, high in zip(along.low, along.high, strict=True):
-            count = 1
-            while True:
-                t = np.linspace(low, high, 2 * count + 1)
-                found = net.derivatives(t, 0 * t, 0)[:, 0, 0, :2]
-                middle = 0.5 * (found[:-2:2] + found[2::2])
-                if np.linalg.norm(found[1::2] - middle, axis=1).max() <= error:
-                    break
-                count *= 2
-            rows.append(found[:-1:2])
-    rows.append(found[-1:])
-    points = np.concatenate(rows)
-    points[:, 0] = np.maximum(points[:, 0], 0.0)
-    return points
 
 
 def poses(count: int, seed: int) -> NDArray[np.float64]:
