@@ -9,9 +9,15 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-COMPARE = Path(__file__).resolve().parents[1] / "benchmark" / "compare.py"
+BENCHMARK = Path(__file__).resolve().parents[1] / "benchmark"
+sys.path.insert(0, str(BENCHMARK))
+
+import budget  # noqa: E402 - its folder holds programs and is no package
+
+COMPARE = BENCHMARK / "compare.py"
 PEERS = [name for name in ("fcl", "coal") if importlib.util.find_spec(name)]
 
 
@@ -67,3 +73,15 @@ def test_a_folder_without_pqp_is_refused(tmp_path):
     assert done.returncode == 1
     assert done.stderr.startswith("--pqp: no source of PQP: ")
     assert str(tmp_path / "PQP.cpp") in done.stderr
+
+
+def test_overruns_are_those_of_the_calls_that_the_budget_ended_in_every_column(capsys):
+    """Of the first scene, most calls ended by themselves, long before the budget of 1000 µs."""
+    early, late = np.full((99, 2), -900e-6), np.array([[30e-6, 40e-6]])
+    few, many = np.concatenate((early, late)), np.full((100, 2), 10e-6)
+    budget._print(
+        {"asked": [("first", 1000, few), ("second", 1000, many)], "none": [("s", 9, early)]}
+    )
+    *_, row, none = capsys.readouterr().out.splitlines()
+    assert row == "| asked | 101 | 10 | 10 | 30 | 10 | 40 | first, 1000 µs: 30 |"
+    assert none == "| none | 0 | | | | | | |"
