@@ -33,12 +33,13 @@ def wavy(seed: int, count: int, height: float = 0.1, degree: int = 3) -> engine.
 def degrees(count: int) -> StudyScene:
     """Return two nets at each degree they allow: points against one, and both against each other.
 
+    Nets of a low degree reach close to their outermost control points; a few of them may touch.
     The 1997 paper takes one net of 10 x 10 points at different orders (section 3.1.2).
     """
     random = np.random.default_rng(1997)
     points = identities(_STEPS)
     points[:, :3, 3] = random.uniform((-0.5, -0.5, -1.0), (1.5, 1.5, 1.0), (_STEPS, 3))
-    poses = _apart(random)
+    poses = _beside(random)
     surfaces: dict[str, engine.Model] = {POINT: engine.points(np.zeros((1, 3)))}
     tracks = []
     for degree in range(2, min(count - 1, HIGHEST_DEGREE) + 1):
@@ -51,7 +52,7 @@ def degrees(count: int) -> StudyScene:
 
 def random_nets() -> StudyScene:
     """Return two bicubic nets of 10 x 10 points at random poses, apart."""
-    poses = _apart(np.random.default_rng(11))
+    poses = _beside(np.random.default_rng(11))
     return _two(wavy(1, 10), wavy(2, 10), poses)
 
 
@@ -66,12 +67,24 @@ def parallel_nets() -> StudyScene:
 
 
 def _two(a: engine.Patch, b: engine.Patch, poses: NDArray[np.float64]) -> StudyScene:
+    """Return a scene of two nets: a at the origin, and b at these poses, certainly apart.
+
+    Raises:
+        ValueError: the nets may touch at a pose; says which.
+    """
+    pair = engine.Pair(a, b)
+    for k, pose in enumerate(poses):
+        if pair.distance(np.eye(4), pose, rel_err=0.5).lower <= 0.0:
+            raise ValueError(f"the nets touch, or nearly so, at pose {k}: take another seed")
     track = Track("a", "b", identities(len(poses)), poses)
     return StudyScene({}, [track], block=32, quick_blocks=1, surfaces={"a": a, "b": b})
 
 
-def _apart(random: np.random.Generator) -> NDArray[np.float64]:
-    """Return poses of a net over the unit square, centred 1.2 to 2.0 from the net at the origin."""
+def _beside(random: np.random.Generator) -> NDArray[np.float64]:
+    """Return poses of a net over the unit square, centred 1.2 to 2.0 from the net at the origin.
+
+    Nets this near may touch, as a net reaches some 0.7 from its centre.
+    """
     poses, middle = random_rotations(random, _STEPS), np.array([0.5, 0.5, 0.0])
     way = random.normal(size=(_STEPS, 3))
     way *= random.uniform(1.2, 2.0, (_STEPS, 1)) / np.linalg.norm(way, axis=1, keepdims=True)
