@@ -186,6 +186,11 @@ def test_bodies_that_grow_into_each_other_are_told():
     assert made.trouble.startswith("dynamics: 'crate' and 'ball' touched, so they are stuck; make")
     assert Together([made]).trouble == made.trouble
     assert re.search("stopped [0-9]+ times", made.describe())
+    told = made.trouble
+    made.poses(0.0)
+    assert (made.world.stops, made.world.touched) == (0, None), "they begin again, apart"
+    assert "stopped" not in made.describe()
+    assert made.trouble == told, "it went wrong, and would again"
 
 
 @pytest.mark.long

@@ -66,6 +66,7 @@ class Dynamics(Motion):
         self._budget_s = math.inf if budget_s is None else budget_s
         self._steps_a_period = None if period_s is None else max(1, round(period_s / substep_s))
         self._sought = 0
+        self._touched: tuple[str, str] | None = None
         if forces.contacts is not None:
             _compile(forces, substep_s)
         self._restart()
@@ -135,9 +136,9 @@ class Dynamics(Motion):
     @property
     def trouble(self) -> str:
         """A message about the first two bodies that touched, as none should; empty if none did."""
-        if self.world.touched is None:
+        if self._touched is None:
             return ""
-        first, second = self.world.touched
+        first, second = self._touched
         return (
             f"dynamics: {first!r} and {second!r} touched, so they are stuck; make the steps "
             "shorter (substep_ms), the shapes change more slowly, or the margin wider"
@@ -193,6 +194,7 @@ class Dynamics(Motion):
 
     def _step(self) -> None:
         self.world.step(self._stopped)
+        self._touched = self._touched or self.world.touched
         self._done += 1
 
 

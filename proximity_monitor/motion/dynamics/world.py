@@ -46,10 +46,6 @@ class World:
         self.bodies = tuple(bodies)
         self.forces = forces
         self.step_s = step_s
-        self.stops = 0
-        """How often bodies were stopped because even the shortest step was too long."""
-        self.touched: tuple[str, str] | None = None
-        """The first two bodies stopped because they touch; only bodies that deform can."""
         self._mass = [_mass_of(body) for body in bodies]
         self._movable = np.array([body.density is not None for body in bodies])
         self._masses = np.array([m.mass if m else np.inf for m in self._mass])
@@ -101,6 +97,10 @@ class World:
             if mass is not None:
                 turn = body.pose[:3, :3]
                 self.state.momentum[i] = turn @ mass.inertia @ turn.T @ body.spin
+        self.stops = 0
+        """How often bodies were stopped because even the shortest step was too long."""
+        self.touched: tuple[str, str] | None = None
+        """The first two bodies stopped because they touch; only bodies that deform can."""
         self._place()
         self._steps = 0
         self._reshape()
