@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from proximity_monitor.motion.motion import Motion, counted
+from proximity_monitor.motion.motion import Motion, common_period, counted
 from proximity_monitor.scene import load_model
 
 if TYPE_CHECKING:
@@ -133,9 +133,17 @@ class Deform(Motion):
 
     @property
     def period_s(self) -> float | None:
+        """Seconds after which all bodies repeat at once; None if they never do, or do not move."""
+        periods = self._periods()
+        return common_period(periods) if periods else None
+
+    @property
+    def once_s(self) -> float | None:
         """The longest period of any body, seconds; None if nothing moves."""
-        slowest = min((f.frequency_hz for f in self._fields.values() if f.frequency_hz), default=0)
-        return 1.0 / slowest if slowest else None
+        return max(self._periods(), default=None)
+
+    def _periods(self) -> list[float]:
+        return [1.0 / f.frequency_hz for f in self._fields.values() if f.frequency_hz]
 
     def poses(self, t: float) -> dict[str, np.ndarray]:
         """Return no poses."""

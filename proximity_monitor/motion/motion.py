@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
+
+_MOST = 100
+_SAME = 1e-6
+"""As a share of a period: two moments no farther apart are one."""
 
 
 class Motion(Protocol):
@@ -22,6 +27,11 @@ class Motion(Protocol):
     @property
     def period_s(self) -> float | None:
         """Seconds after which the motion repeats or comes to rest; None if it does neither."""
+
+    @property
+    def once_s(self) -> float | None:
+        """Seconds until the whole motion was shown once; None if it never was."""
+        return self.period_s
 
     @property
     def repeats(self) -> bool:
@@ -87,6 +97,19 @@ class Motion(Protocol):
 def counted(number: int, one: str, many: str) -> str:
     """Return e.g. ``1 body`` or ``2 bodies``."""
     return f"{number} {one if number == 1 else many}"
+
+
+def common_period(periods: Sequence[float]) -> float | None:
+    """Return the least common multiple of periods, seconds.
+
+    None: there is none within `_MOST` times the longest of them.
+    """
+    longest = max(periods)
+    for count in range(1, _MOST + 1):
+        turns = [count * longest / each for each in periods]
+        if all(abs(each - round(each)) <= _SAME for each in turns):
+            return count * longest
+    return None
 
 
 def within_period(t: float, period_s: float) -> float:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from proximity_monitor.motion.motion import Motion
+from proximity_monitor.motion.motion import Motion, common_period
 
 
 class Together(Motion):
@@ -31,12 +31,23 @@ class Together(Motion):
 
     @property
     def period_s(self) -> float | None:
-        """The longest of the parts' periods; None if a part has none.
+        """Seconds after which all parts repeat at once, or are at rest; None if that never is.
 
-        Parts with shorter periods go on, so the union repeats only if these divide the longest.
+        The parts repeat at once after the least common multiple of their periods. If some repeat
+        and others come to rest, the union does neither.
         """
         periods = [part.period_s for part in self._parts]
-        return None if None in periods else max(periods)
+        if None in periods:
+            return None
+        if not self.repeats:
+            return max(periods)
+        return common_period(periods) if all(part.repeats for part in self._parts) else None
+
+    @property
+    def once_s(self) -> float | None:
+        """The time until each part was shown once; None if a part has no end."""
+        lengths = [part.once_s for part in self._parts]
+        return None if None in lengths else max(lengths)
 
     @property
     def repeats(self) -> bool:

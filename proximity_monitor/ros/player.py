@@ -50,7 +50,7 @@ class ProximityPlayer(Node):
 
     Parameters that are read at start: ``scene`` (file or bundled name), ``rate_hz`` (messages per
     second for each body; -1: the scene's rate, at least `LEAST`), ``loop`` (false: the player ends
-    after one period, if the motion has one), ``bulk``, ``fixed_frame`` (empty: the scene file's).
+    when all of the motion was played once), ``bulk``, ``fixed_frame`` (empty: the scene file's).
     """
 
     def __init__(self, moves: motion.Motion | None = None, **node_options) -> None:
@@ -77,7 +77,7 @@ class ProximityPlayer(Node):
         self._path, self._frame = scene.path, values["fixed_frame"] or scene.frame
         self._motion_clock = MotionClock(values["speed"], values["seek_s"])
         self._to_seek: float | None = None  # the timer seeks: a parameter callback must not wait
-        self._ends_at = None if values["loop"] else self._motion.period_s
+        self._ends_at = None if values["loop"] else self._motion.once_s
         self.finished = False
         self.fault = ""
         """Why the motion cannot go on; empty if it can."""
@@ -111,7 +111,7 @@ class ProximityPlayer(Node):
         other = {
             "scene": ("engine", "Scene file, or the name of a bundled scene."),
             "fixed_frame": ("", "Frame of the poses; empty: that of the scene file."),
-            "loop": (True, "Repeat the motion; false: the player ends after one period."),
+            "loop": (True, "Repeat the motion; false: end when all of it was played once."),
             "bulk": (False, "Publish one PoseArray of all moving bodies, not a message for each."),
         }
         for name, (default, low, high, text) in number.items():

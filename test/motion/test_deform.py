@@ -137,6 +137,15 @@ def test_a_scene_deforms_what_it_names_and_moves_nothing(tmp_path):
         made.control_points(math.nan)
 
 
+def test_bodies_of_different_frequencies_repeat_at_once(tmp_path):
+    wave = "      wall: {field: breathe, amplitude: 1, frequency_hz: 0.2}\n"
+    text = SCENE.replace("[0, 0, 85]}}", "[0, 0, 85]}, deforming: true}")
+    made = motion.from_scene(load(tmp_path, text + wave))
+    assert (made.period_s, made.once_s) == (pytest.approx(10.0), pytest.approx(5.0))
+    for name, points in made.control_points(1.3).items():
+        assert made.control_points(11.3)[name] == pytest.approx(points, abs=1e-12)
+
+
 def test_a_refitted_mesh_is_as_near_as_a_new_one(tmp_path):
     described = load(tmp_path, SCENE)
     models = {body.name: scene.load_model(body, described.unit) for body in described.bodies}

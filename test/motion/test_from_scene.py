@@ -121,6 +121,25 @@ def test_parts_that_never_end_have_no_period():
         motion.Together([crank, joints, crank])
 
 
+def test_parts_repeat_at_once_after_a_multiple_of_all_their_periods():
+    def script(joint, end_s, loop=True):
+        times = {"times": np.array([0.0, end_s]), "values": np.array([0.0, 1.0])}
+        return motion.Script(bodies={}, joints={joint: times}, loop=loop)
+
+    made = motion.Together([script("elbow", 2.0), script("wrist", 3.0)])
+    assert (made.period_s, made.once_s, made.repeats) == (6.0, 3.0, True)
+    assert made.joints(7.0) == pytest.approx(made.joints(1.0))
+    assert made.joints(4.0) != pytest.approx(made.joints(1.0))
+    never = motion.Together([script("elbow", 2.0), script("wrist", math.sqrt(8.0))])
+    assert (never.period_s, never.once_s) == (None, math.sqrt(8.0))
+    partly = motion.Together([script("elbow", 2.0), script("wrist", 3.0, loop=False)])
+    assert (partly.period_s, partly.once_s, partly.repeats) == (None, 3.0, True)
+    resting = motion.Together(
+        [script(joint, t, loop=False) for joint, t in (("a", 2.0), ("b", 3.0))]
+    )
+    assert (resting.period_s, resting.once_s, resting.repeats) == (3.0, 3.0, False)
+
+
 def test_models_are_loaded_only_for_an_effect_that_asks_for_them(tmp_path):
     """The files of the models are gone when the motion is made."""
     (tmp_path / "ram.stl").write_text("")
