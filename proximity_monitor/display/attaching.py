@@ -12,6 +12,7 @@ from proximity_monitor.display.inbox import News
 from proximity_monitor.scene.naming import safe
 
 NOTHING = "(nothing)"
+WAITS = "waits for a recent pose of both parts; their clearance is still watched"
 
 
 class Attaching:
@@ -30,7 +31,7 @@ class Attaching:
         self._parent = gui.add_dropdown(
             "Attached to", (NOTHING,), hint="They move together from now on, for all browsers"
         )
-        self._refusal = gui.add_html("")
+        self._note = gui.add_html("")
 
         @self._parent.on_update
         def _(event: viser.GuiEvent) -> None:
@@ -41,7 +42,10 @@ class Attaching:
             ask({self._asked: "" if parent == NOTHING else parent})
 
     def show(self, news: News) -> None:
-        """Show the parent that the monitor reports, and why it refused a request of this page."""
+        """Show the parent that the monitor reports, and why the part is not held by it.
+
+        It waits for poses, or the monitor refused a request of this page.
+        """
         child, scene = self._choice.body, news.scene
         names = (body.name for body in scene.bodies if body.name != child)
         options = (NOTHING,) if child is None else (NOTHING, *names)
@@ -53,8 +57,11 @@ class Attaching:
             self._parent.value = parent
         self._parent.disabled = child is None
         own = child is not None and self._asked == _parameter(child)
-        told = f"not taken: {news.refusal}" if own and self._asked in news.refused else ""
-        self._refusal.content = f'<div class="pm pm-small pm-unproved">{escape(told)}</div>'
+        waits = parent not in (NOTHING, scene.held.get(child))
+        told = WAITS if waits else ""
+        if own and self._asked in news.refused:
+            told = f"not taken: {news.refusal}"
+        self._note.content = f'<div class="pm pm-small pm-unproved">{escape(told)}</div>'
 
 
 def _parameter(child: str) -> str:

@@ -14,6 +14,7 @@ pytest.importorskip("viser", reason="viser is not installed: pip install '.[disp
 from page_alone import HERE, NAMES, SCENE, THERE, drag, frame, words
 
 from proximity_monitor.display import drag as drags
+from proximity_monitor.display.attaching import WAITS
 from proximity_monitor.display.geometry import from_degrees, to_degrees
 from proximity_monitor.display.guard import AT_STOP
 from proximity_monitor.display.holds import Hand
@@ -133,6 +134,17 @@ def test_what_waits_to_be_attached_is_held_here_until_the_monitor_has_it(page):
     assert not page.hand.may("b")
 
 
+def test_an_attachment_that_waits_is_told(page):
+    told = page.move._attaching._note
+    page.move.pick("b")
+    page.tell(scene=replace(ATTACHED, held={}), frame=frame(1.0))
+    assert words(told) == WAITS
+    page.tell(scene=ATTACHED)
+    assert words(told) == ""
+    page.tell(scene=replace(ATTACHED, attachments={}))
+    assert words(told) == "", "it is being detached"
+
+
 def attach(page, parent):
     field = page.move._attaching._parent
     field._impl.value = parent
@@ -145,7 +157,7 @@ def test_a_part_is_held_until_the_monitor_has_attached_it(page):
     page.hand.place("b", at(4.0), THERE)
     page.tell(frame=frame(1.0))
     attach(page, NAMES[0])
-    told = page.move._attaching._refusal
+    told = page.move._attaching._note
     page.tell(refusal="a circle", refused=frozenset({"attachments.b"}))
     assert page.holds.poses["b"][0] == 4.0
     assert "a circle" in words(told)
