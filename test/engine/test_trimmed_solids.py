@@ -14,6 +14,7 @@ from test_trim import circle, frame, polygon
 
 from proximity_monitor import engine
 from proximity_monitor.engine import ModelError, ParametricSurface
+from proximity_monitor.engine.models import loops as examining
 from proximity_monitor.engine.models.closed import find_joints
 from proximity_monitor.engine.models.loops import examine
 from proximity_monitor.engine.models.trim import Trim, TrimCurve
@@ -159,8 +160,16 @@ def test_loops_are_turned_so_that_what_they_leave_is_on_their_left():
 
 
 @pytest.mark.parametrize("radius", [1e-6, 1e-7, 1e-8, 2e-9])
-def test_a_tiny_loop_has_a_proven_side(radius):
-    """Formerly, the search for the sign of a small area did not end."""
+def test_a_tiny_loop_has_a_proven_side(radius, monkeypatch):
+    """A few divisions prove the sign of a small area; a search that needs many does not end."""
+    made, split = [], examining.split
+
+    def counted(*given):
+        made.append(given)
+        assert len(made) <= 1000, "the search does not end"
+        return split(*given)
+
+    monkeypatch.setattr(examining, "split", counted)
     ring = circle(np.array([0.4, 0.6]), radius)
     back = [each._replace(control=each.control[::-1]) for each in reversed(ring)]
     assert examine(Trim([ring], *UNIT))[:2] == ("", [False])
