@@ -36,7 +36,7 @@ def as_real(value: SupportsFloat, name: str) -> float:
         try:
             return float(given)
         except (TypeError, ValueError, ArithmeticError, RuntimeError) as error:
-            raise TypeError(f"{name} = {value!r}: no real number: {error}") from None
+            raise TypeError(f"{name} = {value!r}: not a real number: {error}") from None
     raise TypeError(f"{name} = {value!r}: expected a real number, got {type(value).__name__}")
 
 
@@ -49,7 +49,7 @@ def check_tolerance(name: str, value: SupportsFloat) -> float:
     """
     number = value if type(value) is float else as_real(value, name)
     if not number >= 0.0:
-        raise ValueError(f"{name} = {number!r}: must be a number that is not negative")
+        raise ValueError(f"{name} = {number!r}: must be a number of at least 0")
     return number
 
 
@@ -134,7 +134,7 @@ def as_integers(
     array = np.require(given, kind, "CAWE")
     if (array != given).any():
         first = int(np.flatnonzero((array != given).any(axis=1))[0])
-        raise ValueError(f"{name}[{first}] = {given[first].tolist()}: beyond what an index can be")
+        raise ValueError(f"{name}[{first}] = {given[first].tolist()}: out of range for an index")
     return array
 
 

@@ -60,10 +60,10 @@ def check_pose(pose: ArrayLike, name: str = "pose") -> NDArray[np.float64]:
         error = float(np.abs(rotation.T @ rotation - np.eye(3)).max()) / 2.0
     if not error <= RIGID_TOLERANCE:
         raise ValueError(
-            f"{name}: no rigid motion: its rotation changes lengths by {error:.3g} "
+            f"{name}: not a rigid motion: its rotation changes lengths by {error:.3g} "
             f"(up to {RIGID_TOLERANCE:g} is allowed); scale the model, not the pose"
         )
-    raise ValueError(f"{name}: no rigid motion: its rotation mirrors (determinant below 0)")
+    raise ValueError(f"{name}: not a rigid motion: its rotation mirrors (determinant below 0)")
 
 
 def as_poses(poses: ArrayLike, name: str) -> NDArray[np.float64]:

@@ -51,7 +51,7 @@ class Assembly:
     def __init__(self, models: Sequence[Model]) -> None:
         self.models = check_models(models)
         if not self.models:
-            raise ValueError("models: there are none; an assembly needs at least one body")
+            raise ValueError("models: must not be empty; an assembly needs at least one body")
         self._shapes = tuple({id(model): model for model in self.models}.values())
         self._hierarchies: list[Hierarchy] = []
         self._deepest = max(self._shapes, key=lambda model: model._hierarchy.depth)
@@ -132,7 +132,9 @@ class Assembly:
         threads = as_count(threads, "threads")
         poses = as_poses(poses, "poses")
         if len(poses) != len(self.models):
-            raise ValueError(f"{len(poses)} poses of {len(self.models)} bodies")
+            raise ValueError(
+                f"poses: {len(poses)} poses for {len(self.models)} bodies; give one for each"
+            )
         # If signed distances are asked for, only pairs with a solid have them.
         solid = np.array([model.is_solid if signed else False for model in self.models])
         chosen, of_solids = checked_pairs(pairs, solid)

@@ -80,12 +80,12 @@ def distances(
     many_a, many_b = as_poses(poses_a, "poses_a"), as_poses(poses_b, "poses_b")
     count = len(many_a)
     if count != len(many_b):
-        raise ValueError(f"{count} poses_a but {len(many_b)} poses_b")
+        raise ValueError(f"poses_a has {count} poses, but poses_b has {len(many_b)}")
     check_model(a, "a")
     check_model(b, "b")
     earliest = Search(a, b, order)  # refuses an unknown order before any thread starts
     if signed and order != "depth_first":
-        raise ValueError(f"order = {order!r}: signed distances are searched 'depth_first' alone")
+        raise ValueError(f"order = {order!r}: must be 'depth_first' for signed distances")
     if signed and count:
         return _Poses((a,) * count + (b,) * count).distances(
             np.concatenate((many_a, many_b)), np.arange(2 * count).reshape(2, -1).T,

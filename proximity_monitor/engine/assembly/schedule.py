@@ -88,7 +88,8 @@ class Schedule:
     def __init__(self, answers: Answers, assembly: Assembly) -> None:
         if len(assembly.models) != len(answers.poses):
             raise ValueError(
-                f"assembly: of {len(assembly.models)} bodies, the answers of {len(answers.poses)}"
+                f"assembly: has {len(assembly.models)} bodies, but the answers are about "
+                f"{len(answers.poses)}"
             )
         self._answers = answers
         self._assembly = assembly
@@ -280,7 +281,7 @@ class Schedule:
         """
         at = queries.at
         if len(found) != len(at):
-            raise ValueError(f"found: {len(found)} answers to {len(at)} queries")
+            raise ValueError(f"found: {len(found)} answers, expected {len(at)}, one for each query")
         reached = np.empty(len(at), np.bool_)
         poses, versions, _, places = self._answers.bodies
         count = kernel.commit(

@@ -45,7 +45,7 @@ def read_dae(data: bytes, _: Path) -> Triangles:
     """Read a COLLADA file."""
     root = parsed(data)
     if root.tag != "COLLADA":
-        raise FormatError(f"is no COLLADA file, but <{root.tag}>")
+        raise FormatError(f"not a COLLADA file: its root element is <{root.tag}>")
     return _Document(root).triangles()
 
 
@@ -60,16 +60,16 @@ class _Document:
         stated = self._root.find("asset/unit")
         unit = 1.0 if stated is None else real_list(stated.get("meter", "1"), "<unit meter>", 1)[0]
         if not 0.0 < unit < math.inf:
-            raise FormatError(f"<unit meter> is {unit:g}, which is no length")
+            raise FormatError(f"<unit meter> is {unit:g}: must be finite and above 0")
         foreign = {*self._root.findall(".//extra//unit")}
         for nested in self._root.iter("unit"):
             if nested in foreign:
                 continue
             other = real_list(nested.get("meter", "1"), "<unit meter>", 1)[0]
             if other != unit:
-                raise FormatError(f"has units of {unit:g} m and of {other:g} m: use one unit")
+                raise FormatError(f"mixes units of {unit:g} m and {other:g} m: use a single unit")
         if self._root.find("library_animations//channel") is not None:
-            raise FormatError("has animations, which are not read: export the scene as it stands")
+            raise FormatError("has animations, which are not supported: export a static scene")
         for shown in self._root.findall("scene/instance_visual_scene"):
             for node in self._named("visual_scene", shown).findall("node"):
                 self._place(node, np.eye(4), ())
@@ -80,7 +80,10 @@ class _Document:
         url = need(link, "url")
         found = [each for each in self._root.iter(kind) if f"#{each.get('id')}" == url]
         if len(found) != 1:
-            raise FormatError(f"<{link.tag}> names {url!r}; of such a {kind} are {len(found)}")
+            raise FormatError(
+                f"<{link.tag}> refers to {url!r}: expected one <{kind}> with that id, "
+                f"found {len(found)}"
+            )
         return found[0]
 
     def _place(self, node: Element, above: Reals, within: tuple) -> None:
@@ -103,7 +106,7 @@ class _Document:
                 case "instance_controller":
                     raise FormatError(
                         f"<instance_controller> {need(element, 'url')!r}: skins and morph targets "
-                        "are not read: apply them first"
+                        "are not supported: apply them before export"
                     )
                 case _:
                     matrix = matrix @ _motion(element)
@@ -132,7 +135,7 @@ def _motion(element: Element) -> Reals:
             turned = math.sin(angle) * cross + (1.0 - math.cos(angle)) * (cross @ cross)
             matrix[:3, :3] += turned
     elif kind in ("lookat", "skew"):
-        raise FormatError(f"<{kind}> of a node, which is not read: write it as a <matrix>")
+        raise FormatError(f"a node has <{kind}>, which is not supported: write it as a <matrix>")
     return matrix
 
 
@@ -144,19 +147,24 @@ def _geometry(geometry: Element) -> list[Part]:
         return []
     if mesh is None:
         kinds = ", ".join(f"<{each.tag}>" for each in geometry) or "nothing"
-        raise FormatError(f"{name} is no mesh, but {kinds}, which is not read")
+        raise FormatError(f"{name}: expected <mesh>, found {kinds}")
     found, positions = [], {}
     for element in mesh:
         kind = element.tag
         if kind in ("source", "vertices", "extra", *_CURVES):
             continue
         if element.find("ph") is not None:
-            raise FormatError(f"{name}: <{kind}> has polygons with holes, which are not read")
+            raise FormatError(
+                f"{name}: <{kind}> has polygons with holes, which are not supported: "
+                "export triangles instead"
+            )
         inputs = element.findall("input")
         offsets = [int(whole_list(need(each, "offset"), "offset", 1)[0]) for each in inputs]
         which = [i for i, each in enumerate(inputs) if need(each, "semantic") == "VERTEX"]
         if len(which) != 1 or min(offsets) < 0:
-            raise FormatError(f"{name}: <{kind}> does not say which numbers are its vertices")
+            raise FormatError(
+                f"{name}: <{kind}> must have exactly one VERTEX input and no negative offset"
+            )
         source = need(inputs[which[0]], "source")
         if source not in positions:
             positions[source] = _positions(mesh, source, name)
@@ -166,7 +174,10 @@ def _geometry(geometry: Element) -> list[Part]:
         for p in element.findall("p"):
             numbers = whole_list(p.text, f"{name}: <p>")
             if len(numbers) % width:
-                raise FormatError(f"{name}: <p> holds {len(numbers)} numbers, {width} a corner")
+                raise FormatError(
+                    f"{name}: <p> has {len(numbers)} numbers, which is not a multiple of "
+                    f"the {width} of each corner"
+                )
             runs.append(numbers[column::width])
         corners = np.concatenate([np.empty(0, dtype=np.int64), *runs])
         sizes = np.array([len(run) for run in runs], dtype=np.int64)
@@ -175,9 +186,11 @@ def _geometry(geometry: Element) -> list[Part]:
         elif kind == "polylist":
             sizes = whole_list(element.findtext("vcount"), f"{name}: <vcount>")
         elif kind not in _CUTTERS:
-            raise FormatError(f"{name} has <{kind}>, which is not read")
+            raise FormatError(f"{name} has <{kind}>, which is not supported")
         if sizes.sum() != len(corners) or (sizes < 0).any():
-            raise FormatError(f"{name}: <{kind}> has {len(corners)} corners, not {sizes.sum()}")
+            raise FormatError(
+                f"{name}: <{kind}> has {len(corners)} corners, but needs {sizes.sum()}"
+            )
         _check_count(element, sizes, name)
 
         def where(i: int, kind: str = kind) -> str:
@@ -191,9 +204,7 @@ def _check_count(element: Element, sizes: Ints, name: str) -> None:
     """Refuse a primitive whose number of items differs from the number it announces."""
     count = whole_list(element.get("count", str(len(sizes))), "count", 1)[0]
     if count != len(sizes):
-        raise FormatError(
-            f"{name}: <{element.tag}> announces {count} items, but {len(sizes)} follow"
-        )
+        raise FormatError(f"{name}: <{element.tag}> declares {count} items, but has {len(sizes)}")
 
 
 def _positions(mesh: Element, source: str, name: str) -> Reals:
@@ -216,11 +227,12 @@ def _source(source: Element, name: str) -> Reals:
         raise FormatError(f"{name}: source {source.get('id')!r} has no numbers")
     if accessor.get("source") != f"#{array.get('id')}":
         raise FormatError(
-            f"{name}: <accessor source={accessor.get('source')!r}> is not its <float_array>"
+            f"{name}: <accessor source={accessor.get('source')!r}> does not refer to "
+            "its <float_array>"
         )
     names = [param.get("name", "").upper() for param in accessor.findall("param")]
     if names and names[:3] != ["X", "Y", "Z"]:
-        raise FormatError(f"{name}: <accessor> has params {names}, not X, Y and Z in front")
+        raise FormatError(f"{name}: <accessor> has params {names}, expected X, Y and Z first")
     what = f"{name}: <float_array>"
     announced = array.get("count")
     count = None if announced is None else int(whole_list(announced, f"{what} count", 1)[0])
@@ -230,7 +242,10 @@ def _source(source: Element, name: str) -> Reals:
         for key, default in (("count", "0"), ("stride", "1"), ("offset", "0"))
     )
     if count < 0 or stride < 3 or offset < 0 or offset + count * stride > len(numbers):
-        raise FormatError(f"{name}: <accessor> reaches beyond its {len(numbers)} numbers")
+        raise FormatError(
+            f"{name}: <accessor> has count {count}, stride {stride} and offset {offset}; they must "
+            f"not be negative, the stride at least 3, and fit the {len(numbers)} numbers"
+        )
     starts = offset + stride * np.arange(count)
     points = numbers[spans(starts, np.full(count, 3))].reshape(-1, 3)
     check_finite(points)

@@ -35,23 +35,21 @@ _KINDS = {"curve": ("",), "surface": ("_u", "_v")}
 def read_geomdl(data: bytes, file: Path, how: Reading) -> Surface:
     """Read a geomdl JSON file as one patch or curve, a surface of several, or a revolution."""
     if how.volume != "rss":
-        raise FormatError(
-            f"volume = {how.volume!r}: parametric surfaces have rectangle swept spheres alone"
-        )
+        raise FormatError(f"volume = {how.volume!r}: must be 'rss' for parametric surfaces")
     if how.solid == "robust":
-        raise FormatError("solid = 'robust': that is for meshes")
+        raise FormatError("solid = 'robust': only for meshes; use True, False or None")
     try:
         tree = json.loads(without_mark(data), parse_constant=_no_number)
     except (ValueError, RecursionError) as error:
-        raise FormatError(f"its JSON is damaged: {error}") from None
+        raise FormatError(f"invalid JSON: {error}") from None
     if isinstance(tree, dict) and "revolution" in tree:
         if "shape" in tree:
-            raise FormatError("has both a shape and a revolution: put them into two files")
+            raise FormatError("has both 'shape' and 'revolution': put them into two files")
         return _revolution(_need(tree, "revolution", dict, ""), file, how)
     shape = _need(tree, "shape", dict, "")
     kind = _need(shape, "type", str, "shape.")
     if kind not in _KINDS:
-        raise FormatError(f"shape.type = {kind!r}: read are {' and '.join(map(repr, _KINDS))}")
+        raise FormatError(f"shape.type = {kind!r}: must be {' or '.join(map(repr, _KINDS))}")
     made = _shapes(shape, "data", _KINDS[kind], "shape", how)
     if shape.get("count", len(made)) != len(made):
         raise FormatError(f"shape.count = {shape['count']!r}, but shape.data has {len(made)}")
@@ -99,7 +97,7 @@ def _shape(item: dict[str, Any], ends: tuple[str, ...], name: str, how: Reading)
     at = f"{name}."
     trims = item.get("trims")
     if trims and trims != {"count": 0, "data": []} and trims != {"count": 0}:
-        raise FormatError(f"{at}trims: trimmed surfaces are not read")
+        raise FormatError(f"{at}trims: trimmed surfaces are not supported in this format")
     net = _need(item, "control_points", dict, at)
     inside = f"{at}control_points."
     points = _reals(_need(net, "points", list, inside), f"{inside}points", 2)
@@ -109,22 +107,22 @@ def _shape(item: dict[str, Any], ends: tuple[str, ...], name: str, how: Reading)
     if len(ends) == 2:
         sizes = [_need(item, f"size{end}", int, at) for end in ends]
     if min(sizes) < 1 or math.prod(sizes) != len(points):
-        wanted = " times ".join(map(str, sizes))
-        raise FormatError(f"{inside}points: {len(points)}, but size_u and size_v say {wanted}")
+        wanted = " x ".join(map(str, sizes))
+        raise FormatError(
+            f"{inside}points: {len(points)} points, but size_u and size_v require {wanted}"
+        )
     for end, vector, size in zip(ends, knots, sizes, strict=True):
         degree = _need(item, f"degree{end}", int, at)
         if len(vector) != size + degree + 1:
             raise FormatError(
-                f"{at}knotvector{end}: {len(vector)} knots; {size} control points of degree "
-                f"{degree} have {size + degree + 1}"
+                f"{at}knotvector{end}: {len(vector)} knots, but {size} control points of degree "
+                f"{degree} need {size + degree + 1}"
             )
     weights = net.get("weights")
     if weights is not None:
         weights = _reals(weights, f"{inside}weights", 1)
         if len(weights) != len(points):
-            raise FormatError(
-                f"{inside}weights: {len(weights)}, but there are {len(points)} points"
-            )
+            raise FormatError(f"{inside}weights: {len(weights)} weights for {len(points)} points")
         weights = weights.reshape(sizes)
     with np.errstate(over="ignore"):  # the model refuses infinite values, with their index
         control = (points * (how.unit * how.scale)).reshape(*sizes, -1)
@@ -147,16 +145,16 @@ def _reals(values: Any, what: str, dimensions: int) -> Reals:
     try:
         array = np.asarray(values)
     except ValueError:
-        raise FormatError(f"{what}: rows of unlike lengths") from None
+        raise FormatError(f"{what}: the rows have different lengths") from None
     if array.dtype.kind not in "iuf":
-        raise FormatError(f"{what}: not numbers alone")
+        raise FormatError(f"{what}: must contain only numbers")
     if array.ndim != dimensions:
         raise FormatError(f"{what}: shape {array.shape}, expected {dimensions} dimensions")
     return array.astype(np.float64)
 
 
 def _no_number(word: str) -> float:
-    raise ValueError(f"{word} is no number in JSON")
+    raise ValueError(f"{word} is not a number in JSON")
 
 
 def save_geomdl(model: Surface, path: str | PathLike[str]) -> None:
@@ -179,7 +177,9 @@ def save_geomdl(model: Surface, path: str | PathLike[str]) -> None:
         tree: dict[str, Any] = {"revolution": {"profile": profile, "axis": axis}}
     else:
         if len({net.is_curve for net in model.nets}) > 1:
-            raise ModelError(f"{model.name}: a geomdl JSON file holds either patches or curves")
+            raise ModelError(
+                f"{model.name}: has patches and curves; a geomdl JSON file holds only one kind"
+            )
         kind = "curve" if model.nets[0].is_curve else "surface"
         items = [_item(net, 3) for net in model.nets]
         tree = {"shape": {"type": kind, "count": len(items), "data": items}}

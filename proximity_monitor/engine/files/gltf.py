@@ -45,19 +45,19 @@ _Json = Mapping[str, Any]
 def read_glb(data: bytes, folder: Path) -> Triangles:
     """Read a GLB file."""
     if data[:4] != b"glTF" or int.from_bytes(data[4:8], "little") != 2:
-        raise FormatError("does not begin as a GLB file of version 2")
+        raise FormatError("not a GLB file of version 2")
     announced = int.from_bytes(data[8:12], "little")
     if announced != len(data):
-        raise FormatError(f"announces {announced} bytes, but has {len(data)}")
+        raise FormatError(f"declares {announced} bytes, but has {len(data)}")
     chunks, at = [], 12
     while at < len(data):
         length = int.from_bytes(data[at : at + 4], "little")
         if at + 8 + length > len(data):
-            raise FormatError(f"a chunk of {length} bytes reaches beyond the end")
+            raise FormatError(f"a chunk of {length} bytes extends past the end of the file")
         chunks.append((data[at + 4 : at + 8], data[at + 8 : at + 8 + length]))
         at += 8 + length
     if not chunks or chunks[0][0] != b"JSON":
-        raise FormatError("has no JSON")
+        raise FormatError("has no JSON chunk")
     return _Document(chunks[0][1], folder, dict(chunks[:0:-1]).get(b"BIN\0")).triangles()
 
 
@@ -72,15 +72,15 @@ class _Document:
     def __init__(self, text: bytes, folder: Path, chunk: bytes | None) -> None:
         self._tree = json.loads(without_mark(text), parse_constant=_no_number)
         if not isinstance(self._tree, dict):
-            raise FormatError("its JSON is no object")
+            raise FormatError("its JSON is not an object")
         version = self._tree.get("asset", {}).get("version")
         if not str(version).startswith("2."):
-            raise FormatError(f"is of version {version}; read is glTF 2")
+            raise FormatError(f"has the glTF version {version}: only version 2 is supported")
         for name in self._tree.get("extensionsRequired", []):
             if not name.startswith(_HARMLESS):
-                raise FormatError(f"requires the extension {name}, which is not read")
+                raise FormatError(f"requires the extension {name}, which is not supported")
         if any(each.get("channels") for each in self._tree.get("animations", [])):
-            raise FormatError("has animations, which are not read: export the scene as it stands")
+            raise FormatError("has animations, which are not supported: export a static scene")
         self._folder = folder
         self._chunk = chunk
         self._buffers: dict[int, bytes] = {}
@@ -89,7 +89,7 @@ class _Document:
         """Return all triangles, in the frame of the scene."""
         parts = Parts()
         if not self._tree.get("scenes"):
-            raise FormatError("has no scene, hence no triangles that are shown")
+            raise FormatError("has no scene, so no triangles are shown")
         scene = self._item("scenes", self._tree.get("scene", 0))
         waiting = [(i, np.eye(4)) for i in scene.get("nodes", [])]
         seen: set[int] = set()
@@ -103,7 +103,7 @@ class _Document:
             if "skin" in node or any(node.get("weights", [])):
                 raise FormatError(f"{name} has a skin or morph weights: apply them before export")
             if "EXT_mesh_gpu_instancing" in node.get("extensions", {}):
-                raise FormatError(f"{name} has EXT_mesh_gpu_instancing, which is not read")
+                raise FormatError(f"{name} has EXT_mesh_gpu_instancing, which is not supported")
             matrix = above @ _matrix(node, name)
             if "mesh" in node:
                 mesh = node["mesh"]
@@ -118,7 +118,9 @@ class _Document:
         """Return entry i of one of the document's top-level lists."""
         items = self._tree.get(kind, [])
         if type(i) is not int or not 0 <= i < len(items):
-            raise FormatError(f"{kind}[{i}] is named, but there are {len(items)} {kind}")
+            raise FormatError(
+                f"{kind}[{i}] is referenced, but there are {len(items)} {kind}, numbered from 0"
+            )
         return items[i]
 
     def _mesh(self, i: int) -> list[Part]:
@@ -145,24 +147,27 @@ class _Document:
         """Return the numbers (n, width) of an accessor."""
         accessor, name = self._item("accessors", i), f"accessors[{i}]"
         if "bufferView" not in accessor or "sparse" in accessor:
-            raise FormatError(f"{name} is compressed or sparse, which is not read")
+            raise FormatError(f"{name} is compressed or sparse, which is not supported")
         view = self._item("bufferViews", accessor["bufferView"])
         data = self._buffer(view["buffer"])
         begin, length = view.get("byteOffset", 0), view["byteLength"]
         if not 0 <= begin <= begin + length <= len(data):
-            raise FormatError(f"bufferViews[{accessor['bufferView']}] reaches beyond its buffer")
+            raise FormatError(f"bufferViews[{accessor['bufferView']}] extends past its buffer")
         kind = np.dtype(_TYPES.get(accessor["componentType"], "V1"))
         start, count = accessor.get("byteOffset", 0), accessor["count"]
         row = width * kind.itemsize
         stride = view.get("byteStride", row)
         is_index = width == 1
         if _WIDTHS.get(accessor["type"]) != width or kind.kind not in ("u" if is_index else "fiu"):
-            wanted = "whole numbers" if is_index else "three coordinates"
-            raise FormatError(f"{name} holds no {wanted}, which should stand there")
+            wanted = "unsigned whole numbers" if is_index else "rows of three coordinates"
+            raise FormatError(f"{name}: expected {wanted}")
         if start < 0 or count < 1 or stride < row:
-            raise FormatError(f"{name} is malformed")
+            raise FormatError(
+                f"{name}: byteOffset must be at least 0, count at least 1, and byteStride at "
+                f"least {row}"
+            )
         if start + (count - 1) * stride + row > length:
-            raise FormatError(f"{name} reaches beyond its view")
+            raise FormatError(f"{name} extends past its buffer view")
         values = np.ndarray((count, width), kind, data, begin + start, (stride, kind.itemsize))
         if accessor.get("normalized") and kind.kind != "f":
             return np.maximum(values / np.iinfo(kind).max, -1.0)
@@ -178,11 +183,9 @@ class _Document:
         elif i == 0 and self._chunk is not None:
             data = self._chunk
         else:
-            raise FormatError(f"{name} has no bytes")
+            raise FormatError(f"{name} has neither a uri nor a binary chunk")
         if not 0 <= buffer["byteLength"] <= len(data):
-            raise FormatError(
-                f"{name} has {buffer['byteLength']} bytes, of which {len(data)} are there"
-            )
+            raise FormatError(f"{name} declares {buffer['byteLength']} bytes, but has {len(data)}")
         self._buffers[i] = data[: buffer["byteLength"]]
         return self._buffers[i]
 
@@ -195,7 +198,7 @@ class _Document:
             try:
                 return base64.b64decode(unquote_to_bytes(content), validate=True)
             except ValueError as error:
-                raise FormatError(f"{name}: its data is no base64: {error}") from None
+                raise FormatError(f"{name}: its data is not valid base64: {error}") from None
         parts = urlsplit(uri)
         # Check the URI alone: symbolic links in the folder are trusted like the folder itself.
         inner = os.path.normpath(unquote(parts.path))
@@ -203,7 +206,8 @@ class _Document:
         outside = os.path.isabs(inner) or Path(inner).parts[:1] == ("..",)
         if parts.scheme or parts.netloc or outside:
             raise FormatError(
-                f"{name} lies outside the file's folder ({uri[:80]!r}): put it there, or embed it"
+                f"{name} refers to {uri[:80]!r}, outside the file's folder: move it into that "
+                "folder, or embed it"
             )
         try:
             return file.read_bytes()
@@ -212,7 +216,7 @@ class _Document:
 
 
 def _no_number(word: str) -> float:
-    raise FormatError(f"{word} is no number")
+    raise FormatError(f"{word} is not a number in JSON")
 
 
 def _faces(mode: int, corners: Ints, count: int, name: str) -> Ints:
@@ -220,11 +224,11 @@ def _faces(mode: int, corners: Ints, count: int, name: str) -> Ints:
     size = np.array([len(corners)])
     if mode == _TRIANGLES:
         if len(corners) % 3:
-            raise FormatError(f"{name} has {len(corners)} corners, which make no triangles")
+            raise FormatError(f"{name} has {len(corners)} corners, not a multiple of 3")
         size = np.full(len(corners) // 3, 3)
         return fans(corners, size, count, lambda i: f"{name}: faces[{i}]: ")
     if mode not in (_STRIP, _FAN):
-        raise FormatError(f"{name} has primitives of mode {mode}, which glTF does not know")
+        raise FormatError(f"{name} has primitives of mode {mode}, which glTF does not define")
     if len(corners) < 3:
         return no_triangles()
     return (strips if mode == _STRIP else fans)(corners, size, count, lambda _: f"{name}: ")
@@ -241,11 +245,11 @@ def _matrix(node: _Json, name: str) -> Reals:
     }  # fmt: skip
     for key, size in (("matrix", 16), ("translation", 3), ("rotation", 4), ("scale", 3)):
         if given[key].shape != (size,) or not np.isfinite(given[key]).all():
-            raise FormatError(f"{name}: its {key} is not {size} finite numbers")
+            raise FormatError(f"{name}: {key} must be {size} finite numbers")
     x, y, z, w = given["rotation"]
     length = x * x + y * y + z * z + w * w
     if not length > 0.0:
-        raise FormatError(f"{name}: its rotation is no quaternion")
+        raise FormatError(f"{name}: rotation must be a quaternion other than 0")
     s = 2.0 / length
     rotation = np.array(
         [

@@ -75,7 +75,7 @@ def load(
     except Exception as error:
         raise _refused(file, error) from error
     if not isinstance(model, Model):
-        raise ModelError(f"{file}: its reader returned no model but {type(model).__name__}")
+        raise ModelError(f"{file}: its reader returned {type(model).__name__}, not a Model")
     model.name = part or file.stem
     return model
 
@@ -127,9 +127,8 @@ def _contents(file: Path, kind: str) -> tuple[bytes, Reader]:
             raise IsADirectoryError(f"{file}: is a directory, not a model file")
         read = reader_of(kind)
         if read is None:
-            raise ModelError(
-                f"{file}: unknown extension {file.suffix!r}; read are {', '.join(extensions())}"
-            )
+            known = ", ".join(extensions())
+            raise ModelError(f"{file}: unknown extension {file.suffix!r}; supported are {known}")
         data = file.read_bytes()
     except FileNotFoundError:
         raise FileNotFoundError(f"{file}: there is no such file") from None

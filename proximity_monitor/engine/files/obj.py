@@ -34,7 +34,10 @@ def read_obj(data: bytes, _: Path) -> Triangles:
     for number, line in enumerate(without_mark(data).splitlines(), 1):
         if line.endswith(b"\\") and b"#" not in line:  # the statement continues on the next line
             if (begun + line).split(None, 1)[0] in _NAMES:
-                raise FormatError(f"line {number}: a name that ends with \\: is it a part of it?")
+                raise FormatError(
+                    f"line {number}: the name ends with \\, which may belong to the name or "
+                    "continue the line: rename it"
+                )
             begun += line[:-1] + b" "
             continue
         if begun:
@@ -50,9 +53,11 @@ def read_obj(data: bytes, _: Path) -> Triangles:
             so_far.append(len(widths))
             face_lines.append(number)
         elif key in _NOT_READ:
-            raise FormatError(f"line {number}: {shown(key)} is not read: export triangles instead")
+            raise FormatError(
+                f"line {number}: {shown(key)} is not supported: export triangles instead"
+            )
         elif key and key not in _OTHERS:
-            raise FormatError(f"line {number}: {shown(key)} is no OBJ statement")
+            raise FormatError(f"line {number}: {shown(key)} is not an OBJ statement")
     if begun:
         raise FormatError("ends within a statement: truncated")
     points = Rows(vertices, widths, lambda i: f"line {vertex_lines[i]}: ").coordinates()

@@ -27,7 +27,7 @@ def read_off(data: bytes, _: Path) -> Triangles:
     begin = 1 + (2 if given == 2 else 3)
     announced = wholes(rows.words[1:begin], lambda i: rows.place(i + 1))[:2].tolist()
     if len(announced) < 2 or min(announced) < 0:
-        raise FormatError("the numbers of vertices and faces are missing")
+        raise FormatError("the counts of vertices and faces are missing or negative")
     vertex_count, face_count = announced
     words = rows.words[begin:]
     line_of = np.repeat(numbers, rows.sizes)[begin:]
@@ -38,8 +38,8 @@ def read_off(data: bytes, _: Path) -> Triangles:
         line_count, sizes = len(sizes), _one_behind_the_other(words, *announced, width)
         if sizes is None:
             raise FormatError(
-                f"{vertex_count} vertices and {face_count} faces are announced, but {line_count} "
-                "lines follow, and one behind the other they do not fit either"
+                f"declares {vertex_count} vertices and {face_count} faces, but {line_count} lines "
+                "follow, and their numbers do not match if read without line breaks either"
             )
     begins = np.cumsum(sizes) - sizes
     items = Rows(words, sizes, lambda i: f"line {line_of[begins[i]]}: ")
@@ -48,8 +48,8 @@ def read_off(data: bytes, _: Path) -> Triangles:
     counts = wholes([polygons.words[i] for i in polygons.starts.tolist()], polygons.where)
     bad = first((counts < 0) | (counts >= polygons.sizes))  # a colour may follow the corners
     if bad is not None:
-        found = f"{polygons.sizes[bad] - 1} of {counts[bad]}"
-        raise FormatError(f"{polygons.where(bad)}a face with {found} corners")
+        found = f"declares {counts[bad]} corners, but has {polygons.sizes[bad] - 1}"
+        raise FormatError(f"{polygons.where(bad)}a face {found}")
     which = spans(polygons.starts + 1, counts)
     named = [polygons.words[i] for i in which.tolist()]
     corners = wholes(named, lambda i: polygons.place(which[i]))

@@ -64,7 +64,7 @@ def read_ply(data: bytes, _: Path) -> Triangles:
     properties = {element.name: element.properties for element in elements}["vertex"]
     lists = [prop.name for prop in properties if prop.name in ("x", "y", "z") and prop.length]
     if lists:
-        raise FormatError(f"the vertices have a list for {lists[0]}, not a number")
+        raise FormatError(f"{lists[0]} of the vertices is a list, expected a number")
     vertices = np.column_stack([vertex[axis].values for axis in "xyz"]).astype(np.float64)
     faces = [no_triangles()]
     for element in elements:
@@ -88,12 +88,12 @@ def _header(head: bytes) -> tuple[str, list[_Element]]:
             length, kind = _types(words)
             elements[-1].properties.append(_Property(words[-1].decode("latin-1"), kind, length))
         elif key not in (b"comment", b"obj_info"):
-            raise FormatError(f"line {number}: {shown(line)} is no line of a PLY header")
+            raise FormatError(f"line {number}: {shown(line)} is not a valid PLY header line")
     if order is None:
-        raise FormatError("the header names no format that is known")
+        raise FormatError("the header names no known format")
     for names in [[e.name for e in elements], *([p.name for p in e.properties] for e in elements)]:
         if len(set(names)) < len(names):
-            raise FormatError(f"the header gives a name twice among {', '.join(names)}")
+            raise FormatError(f"the header uses a name twice: {', '.join(names)}")
     return order, elements
 
 
@@ -115,7 +115,7 @@ def _ascii(body: bytes, elements: list[_Element]) -> _Table:
     rows, _ = lines(body, comments=False)
     announced = sum(element.count for element in elements)
     if len(rows.sizes) != announced:
-        raise FormatError(f"the header announces {announced} rows, but {len(rows.sizes)} follow")
+        raise FormatError(f"the header declares {announced} rows, but {len(rows.sizes)} follow")
     found, begin = {}, 0
     for element in elements:
         found[element.name] = _ascii_columns(rows.cut(begin, begin + element.count), element)
@@ -139,15 +139,15 @@ def _ascii_columns(rows: Rows, element: _Element) -> _Columns:
             announced, room = values[at], ends - at - 1
             bad = first(~((announced >= 0) & (announced <= room) & (announced % 1 == 0)))
             if bad is not None:
-                counts = f"{room[bad]} of {announced[bad]:g}"
-                raise FormatError(f"{place(bad)}{prop.name} has {counts} values")
+                counts = f"declares {announced[bad]:g} values, but {room[bad]} follow"
+                raise FormatError(f"{place(bad)}{prop.name} {counts}")
             lengths, at = announced.astype(np.int64), at + 1
         columns[prop.name] = _Column(values[spans(at, lengths)], lengths)
         at = at + lengths
     bad = first(at != ends)
     if bad is not None:
         wanted = at[bad] - starts[bad]
-        raise FormatError(f"{place(bad)}{sizes[bad]} values where {wanted} should stand")
+        raise FormatError(f"{place(bad)}{sizes[bad]} values, expected {wanted}")
     return columns
 
 
@@ -159,7 +159,7 @@ def _binary(body: bytes, elements: list[_Element], order: str) -> _Table:
         columns, at = rows or _unequal_rows(body, at, element, order)
         found[element.name] = columns
     if at != len(body):
-        raise FormatError(f"{len(body) - at} bytes follow what the header announces")
+        raise FormatError(f"{len(body) - at} bytes follow the data that the header declares")
     return found
 
 
@@ -227,12 +227,14 @@ def _length(body: bytes, at: int, prop: _Property, order: str) -> tuple[int, int
     byteorder = "little" if order == "<" else "big"
     length = int.from_bytes(body[at:end], byteorder, signed=prop.length[0] == "i")
     if not 0 <= length <= len(body):
-        raise FormatError(f"{prop.name} of length {length}")
+        raise FormatError(f"{prop.name} has the impossible length {length}")
     return length, end
 
 
 def _truncated(element: _Element) -> FormatError:
-    return FormatError(f"ends before the {element.count} of {element.name} are complete: truncated")
+    return FormatError(
+        f"ends before the last of {element.count} rows of {element.name!r}: truncated"
+    )
 
 
 def _triangles(element: _Element, columns: _Columns, vertices: Reals) -> Ints:
@@ -242,12 +244,14 @@ def _triangles(element: _Element, columns: _Columns, vertices: Reals) -> Ints:
         if prop.name in _CORNERS and prop.length and prop.kind[0] != "f"
     ]  # fmt: skip
     if not named:
-        raise FormatError(f"the {element.name} have no list of whole vertex_indices")
+        raise FormatError(
+            f"element {element.name!r} has no list of whole numbers named vertex_indices"
+        )
     values, sizes = columns[named[0].name]
     row_of = np.repeat(np.arange(element.count), sizes)
     bad = first(values != np.trunc(values)) if values.dtype.kind == "f" else None
     if bad is not None:
-        raise FormatError(f"{element.name}[{row_of[bad]}]: {values[bad]:g} is no whole number")
+        raise FormatError(f"{element.name}[{row_of[bad]}]: {values[bad]:g} is not a whole number")
     corners = values.astype(np.int64)
     if element.name == "face":
         return cut_polygons(vertices, corners, sizes, lambda i: f"faces[{i}]: ")

@@ -53,7 +53,7 @@ def cut_polygons(vertices: Reals, corners: Ints, sizes: Ints, where: Where) -> I
         bends = _spread(heights, begins)
         bent = first((bends > _BENT * extents) & (length > slight) & (sizes > 3))
     if bent is not None:
-        raise FormatError(f"{where(bent)}a polygon that is far from flat: export triangles instead")
+        raise FormatError(f"{where(bent)}a polygon is far from flat: export triangles instead")
     cut = triangles.copy()
     for polygon in np.unique(owner[turns < 0.0]).tolist():
         own = slice(starts[polygon], starts[polygon] + sizes[polygon] - 2)
@@ -66,9 +66,7 @@ def cut_polygons(vertices: Reals, corners: Ints, sizes: Ints, where: Where) -> I
         if found is not None:
             cut[own] = ring[found]
         elif turns[own].min() < -slight[polygon] * length[polygon]:
-            raise FormatError(
-                f"{where(polygon)}a polygon that crosses itself: export triangles instead"
-            )
+            raise FormatError(f"{where(polygon)}a polygon crosses itself: export triangles instead")
     return cut
 
 

@@ -89,13 +89,14 @@ def reader_of(suffix: str) -> Reader | None:
         return _READERS[suffix]
     found = metadata.entry_points(group=GROUP, name=suffix.removeprefix("."))
     if len({entry.value for entry in found}) > 1:
-        raise FormatError(f"read by several packages: {', '.join(_origin(each) for each in found)}")
+        several = ", ".join(_origin(each) for each in found)
+        raise FormatError(f"several installed packages read this extension: {several}")
     for entry in found:
         try:
             _READERS[suffix] = entry.load()
         except Exception as error:
             raise FormatError(
-                f"its reader {_origin(entry)} cannot be had: {type(error).__name__}: {error}"
+                f"its reader {_origin(entry)} cannot be loaded: {type(error).__name__}: {error}"
             ) from error
     return _READERS.get(suffix)
 

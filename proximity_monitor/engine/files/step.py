@@ -45,17 +45,15 @@ def read_step(data: bytes, file: Path, how: Reading) -> Surface:
     `SolidOfRevolution`, unless `solid` is False.
     """
     if how.volume != "rss":
-        raise FormatError(
-            f"volume = {how.volume!r}: parametric surfaces have rectangle swept spheres alone"
-        )
+        raise FormatError(f"volume = {how.volume!r}: must be 'rss' for parametric surfaces")
     if how.solid == "robust":
-        raise FormatError("solid = 'robust': that is for meshes")
+        raise FormatError("solid = 'robust': only for meshes; use True, False or None")
     parts = _parts(data, file)
     if how.part is not None:
         own = [part for part in parts if part.name == how.part]
         if not own:
             known = ", ".join(repr(part.name) for part in parts)
-            raise FormatError(f"part = {how.part!r}: there is none; there are {known}")
+            raise FormatError(f"part = {how.part!r}: no such part; the file has {known}")
         parts = [own[0]._replace(pose=np.eye(4))]
     metres = _MILLIMETRE * how.scale
     if len(parts) == 1 and how.solid is not False:
@@ -114,7 +112,7 @@ def _patch(
 def _parts(data: bytes, file: Path) -> list[Part]:
     """Return the parts of a file; refuse it if its bytes are not a complete STEP file."""
     if not data.lstrip().startswith(_BEGIN):
-        raise FormatError(f"is no STEP file: it does not begin with {_BEGIN.decode()}")
+        raise FormatError(f"not a STEP file: it does not begin with {_BEGIN.decode()}")
     if not data.rstrip(b"\0 \t\r\n").endswith(_END):
         raise FormatError(f"is truncated: it does not end with {_END.decode()}")
     if importlib.util.find_spec("OCP") is None:

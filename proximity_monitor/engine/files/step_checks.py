@@ -62,13 +62,13 @@ class StepChecks:
             part = self._part_of(occurrence)
             if part in self._documented and not self._count(part):
                 raise FormatError(
-                    f"part {self._called(part)!r} has a document in place of a shape: if it is in "
-                    "another file, which is not read, save the assembly as one file"
+                    f"part {self._called(part)!r} has a document instead of a shape: if its shape "
+                    "is in another file, save the assembly as one file"
                 )
             if occurrence not in self._placed and self._count(part):
                 raise FormatError(
-                    f"part {self._called(part)!r}: nothing says where its occurrence "
-                    f"{self._text.string(occurrence, 1)!r} (#{occurrence}) stands"
+                    f"part {self._called(part)!r}: its occurrence "
+                    f"{self._text.string(occurrence, 1)!r} (#{occurrence}) has no placement"
                 )
 
     def statement(self, index: int) -> int | None:
@@ -198,8 +198,8 @@ class StepChecks:
             if not (types & _WITH_FACES or self._bounds_nothing(item) or double):
                 kind = self._text.body(item).split("(")[0].strip() or sorted(types)[0]
                 raise FormatError(
-                    f"part {self._called(part)!r}: {kind} (#{item}) has no faces with edges, "
-                    "which alone are read: save it as B-rep"
+                    f"part {self._called(part)!r}: {kind} (#{item}) has no faces with edges, and "
+                    "nothing else is supported: save it as B-rep"
                 )
 
     def _check_units(self, representation: int) -> None:
@@ -219,7 +219,7 @@ class StepChecks:
             if needed and len(own) != 1:
                 raise FormatError(
                     f"representation #{representation} has {len(own) or 'no'} units of {what}, "
-                    "not one: save it anew with a unit"
+                    "expected one: save the file again with one unit"
                 )
 
     @cached_property
@@ -236,13 +236,16 @@ class StepChecks:
         )
         words = given[4].split(",") if given else []
         if len(words) != 5:
-            raise FormatError(f"#{operator}: this form of {_OPERATOR} is not read")
+            raise FormatError(f"#{operator}: this form of {_OPERATOR} is not supported")
         axes = [
             _AXES[i] if word == "$" else self._direction(int(word[1:]))
             for i, word in enumerate([words[0], words[1], words[4]])
         ]
         if not np.linalg.det(axes) > 0.0:
-            raise FormatError(f"#{operator} mirrors a part, which is not read: save it mirrored")
+            raise FormatError(
+                f"#{operator} mirrors a part, which is not supported: save the mirrored part as "
+                "a part of its own"
+            )
 
     def _direction(self, number: int) -> list[float]:
         ratios = self._text.body(number).rpartition("(")[2].split(")")[0]

@@ -115,7 +115,8 @@ def profile(curve: Any, low: float, high: float) -> Profile:
             back(flat, spline.Degree(), low, turn),
             0,
         )
-    raise FormatError(f"its profile is of type {type(curve).__name__.removeprefix('Geom_')}")
+    kind = type(curve).__name__.removeprefix("Geom_")
+    raise FormatError(f"its profile has the type {kind}, which is not supported")
 
 
 def flat_knots(count: int, knot: Any, multiplicity: Any) -> Reals:
@@ -169,10 +170,13 @@ def trim_curves(edge: Any, face: Any) -> list[TrimCurve]:
         stored = BRep_Tool.CurveOnSurface_s(edge, face, 0.0, 0.0)
         spline = Geom2dConvert.CurveToBSplineCurve_s(Geom2d.Geom2d_TrimmedCurve(stored, low, high))
         if spline.Degree() > _HIGHEST_DEGREE:
-            raise FormatError(f"a trimming curve has degree {spline.Degree()}")
+            raise FormatError(
+                f"a trimming curve has degree {spline.Degree()}, more than {_HIGHEST_DEGREE}"
+            )
         parts = Geom2dConvert_BSplineCurveToBezierCurve(spline)
         return [_bezier(parts.Arc(i)) for i in range(1, parts.NbArcs() + 1)]
-    raise FormatError(f"a trimming curve is of type {str(kind).rpartition('_')[2]}")
+    kind = str(kind).rpartition("_")[2]
+    raise FormatError(f"a trimming curve has the type {kind}, which is not supported")
 
 
 def _hyperbola(shape: Any, low: float, high: float) -> list[TrimCurve]:

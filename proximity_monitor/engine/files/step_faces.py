@@ -83,7 +83,7 @@ def _read(face: Any, surface: Any, backward: bool) -> Face:
     patch = net(surface, low, high)
     tolerance += float(beyond @ _speeds(patch))
     if patch.weights.min() <= 0.0:
-        raise FormatError("it has weights that are not above 0")
+        raise FormatError("its weights must be above 0")
     low, high = patch.rectangle()
     if backward:
         patch = patch.reversed_u()
@@ -118,8 +118,8 @@ def _loop(wire: Any, face: Any, surface: Any) -> tuple[list[TrimCurve], float]:
     ]
     if max(gaps) > _CLOSED * tolerance + 1e-12:
         raise FormatError(
-            f"a loop is open by {max(gaps):.3g} mm in the surface's parameters, "
-            f"which is more than its tolerance of {tolerance:.3g} mm"
+            f"a loop has a gap of {max(gaps):.3g} mm in the surface's parameters, "
+            f"more than its tolerance of {tolerance:.3g} mm allows"
         )
     return [curve for curves in chain for curve in curves], max(tolerance, *gaps)
 
@@ -184,7 +184,7 @@ def _rectangle(loops: list[list[TrimCurve]], surface: Any) -> tuple[Reals, Reals
             if period:
                 beyond[axis] = max(inner[1][axis] - inner[0][axis] - period, 0.0)
                 if beyond[axis] > _OVERLAP * period:
-                    raise FormatError("it runs around more than once")
+                    raise FormatError("it goes around the surface more than once")
                 low[axis], high[axis] = inner[0][axis], inner[1][axis]
                 if high[axis] - low[axis] > period * (1.0 - 1e-9):
                     high[axis] = low[axis] + period
@@ -192,9 +192,9 @@ def _rectangle(loops: list[list[TrimCurve]], surface: Any) -> tuple[Reals, Reals
                 low[axis] = max(low[axis], inner[0][axis])
                 high[axis] = min(high[axis], inner[1][axis])
     if not (np.isfinite([low, high]).all() and (np.abs([low, high]) < 1e99).all()):
-        raise FormatError("nothing bounds it")
+        raise FormatError("it is unbounded")
     if not (high > low).all():
-        raise FormatError("its loops enclose nothing")
+        raise FormatError("its loops enclose no area")
     return low, high, beyond
 
 

@@ -124,13 +124,11 @@ def _transferred(file: Path, checks: StepChecks) -> list[Part]:
     brought = min(_faces_made(reader), sum(shapes.values()))
     if brought < checks.faces:
         raise FormatError(
-            f"has {checks.faces} faces, of which OpenCASCADE brought {brought}: some of it is "
-            "damaged, or belongs to no part"
+            f"has {checks.faces} faces, but OpenCASCADE read only {brought}: some are damaged "
+            "or belong to no part"
         )
     if len(parts) < checks.placed:
-        raise FormatError(
-            f"places {checks.placed} parts, of which OpenCASCADE brought {len(parts)}"
-        )
+        raise FormatError(f"places {checks.placed} parts, but OpenCASCADE read only {len(parts)}")
     return parts
 
 
@@ -143,7 +141,7 @@ def _settings() -> Iterator[None]:
     try:
         for key in known:
             if not Interface_Static.SetCVal_s(key, _SETTINGS[key]):
-                raise FormatError(f"OpenCASCADE knows no {key} = {_SETTINGS[key]}")
+                raise FormatError(f"OpenCASCADE refuses the setting {key} = {_SETTINGS[key]}")
         yield
     finally:
         for key, value in before.items():
@@ -162,7 +160,7 @@ def _check_loaded(reader: Any, checks: StepChecks) -> None:
                 named = _NAMED.search(why)
                 number = int(named[1]) if named else None
             if number is None or number in checks.relevant:
-                raise FormatError(f"#{number or '?'}: {why}: it is damaged")
+                raise FormatError(f"#{number or '?'} is damaged: {why}")
         failed.Next()
 
 
@@ -312,7 +310,7 @@ def _matrix(location: Any) -> Reals:
         matrix[i] = [motion.Value(i + 1, j + 1) for j in range(4)]
     turn = matrix[:3, :3]
     if np.abs(turn @ turn.T - np.eye(3)).max() > 1e-9 or np.linalg.det(turn) < 0.0:
-        raise FormatError("a part is placed by what is no rigid motion")
+        raise FormatError("the placement of a part is not a rigid motion")
     return matrix
 
 

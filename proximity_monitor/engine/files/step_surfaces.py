@@ -98,7 +98,7 @@ def net(surface: Any, low: Reals, high: Reals) -> Net:
         frame = [xyz(each()) for each in (axes.XDirection, axes.YDirection, axes.Direction)]
         flat = _meridian(surface, low[1], high[1])
         return around_z(flat, xyz(axes.Location()), frame, low[0], high[0])
-    raise FormatError("this type of surface is not read")
+    raise FormatError("this type of surface is not supported")
 
 
 def _plane(surface: Any, low: Reals, high: Reals) -> Net:
@@ -130,7 +130,7 @@ def _meridian(surface: Any, low: float, high: float) -> Profile:
     elif isinstance(surface, Geom.Geom_ToroidalSurface):
         minor, major = surface.MinorRadius(), surface.MajorRadius()
     else:
-        raise FormatError("this type of surface is not read")
+        raise FormatError("this type of surface is not supported")
     unit, weights, knots, arcs = arc_net(low, high)
     control = np.column_stack([major + minor * unit[:, 0], 0.0 * unit[:, 0], minor * unit[:, 1]])
     return Profile(control, weights, knots, arcs)

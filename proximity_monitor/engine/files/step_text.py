@@ -36,11 +36,11 @@ class StepText:
         self._strings: list[bytes] = []
         text = _ASIDE.sub(self._kept, data).upper()
         if _ELSEWHERE.search(text):
-            raise FormatError("takes some of it from other files: save it as one file")
+            raise FormatError("includes parts of other files: save it as one file")
         self._bodies: dict[int, bytes] = {}
         for number, body in _STATEMENT.findall(text):
             if int(number) in self._bodies:
-                raise FormatError(f"#{int(number)} stands for two statements: it is damaged")
+                raise FormatError(f"#{int(number)} is defined twice: the file is damaged")
             self._bodies[int(number)] = body
         header = _OWN_NAME.search(text)
         own = {_bare(name), _bare(self._string(header[1]) if header else name)}
@@ -48,7 +48,7 @@ class StepText:
             other = self.string(number)
             if _SHAPES.search(other) and _bare(other) not in own:
                 raise FormatError(
-                    f"refers to another file, {other!r}, which is not read: "
+                    f"refers to another file, {other!r}, which is not supported: "
                     "save the assembly as one file"
                 )
 
@@ -121,7 +121,7 @@ class StepText:
                 for named in self.named(number):
                     if named not in self._bodies:
                         raise FormatError(
-                            f"#{number} names #{named}, which is missing: it is damaged"
+                            f"#{number} refers to #{named}, which is missing: the file is damaged"
                         )
                     left.append(named)
         return found

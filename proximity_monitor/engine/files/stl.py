@@ -43,14 +43,14 @@ def read_stl(data: bytes, _: Path) -> Triangles:
         if text[:512].lstrip()[:5].lower() == b"solid" and b"\0" not in text:
             return _merged(_ascii(text.lower()))
         if len(data) < 84:
-            raise FormatError(f"{len(data)} bytes are less than the header of a binary STL")
+            raise FormatError(f"{len(data)} bytes, but a binary STL has at least 84")
         raise FormatError(
-            f"a binary STL of {count} triangles has {size} bytes, this file {len(data)}"
+            f"a binary STL of {count} triangles has {size} bytes, but this file has {len(data)}"
         )
     rest = len(data) - size
     if rest >= 50 and not _is_text(data[size:].strip(b"\0")):
         raise FormatError(
-            f"{count} triangles are announced, but as many bytes follow as {rest // 50} more have"
+            f"the header declares {count} triangles, but the file has room for {rest // 50} more"
         )
     facets = np.frombuffer(data, dtype=_BINARY, count=count, offset=84)
     return _merged(facets["corners"].reshape(-1, 3).astype(np.float64))
@@ -80,7 +80,7 @@ def _ascii(text: bytes) -> Reals:
         at = _closing_end(text, closing.end())
     rest = re.compile(rb"\S+").search(text, at)
     if rest:
-        raise FormatError(f"{_line(text, rest.start())}{shown(rest[0])} where 'solid' should stand")
+        raise FormatError(f"{_line(text, rest.start())}found {shown(rest[0])}, expected 'solid'")
     return np.concatenate(parts).reshape(-1, 3)
 
 
@@ -140,7 +140,7 @@ def _facets(text: bytes, start: int, stop: int) -> Reals:
     ]
     if wrong:
         wanted = shown(_FACET[min(wrong) % size])
-        raise FormatError(f"{where(min(wrong))}{shown(words[min(wrong)])} where {wanted} should be")
+        raise FormatError(f"{where(min(wrong))}found {shown(words[min(wrong)])}, expected {wanted}")
     if len(words) % size:
         raise FormatError("ends within a facet, before 'endsolid': truncated")
     columns = [

@@ -58,7 +58,7 @@ def _parsed(words: Sequence[bytes], kind: Callable, dtype: type, where: Where) -
         pass
     legal, name = (_REAL, "number") if kind is float else (_WHOLE, "whole number")
     bad = next(i for i, word in enumerate(words) if not legal.fullmatch(word))
-    raise FormatError(f"{where(bad)}{shown(words[bad])} is no {name}")
+    raise FormatError(f"{where(bad)}{shown(words[bad])} is not a {name}")
 
 
 class Rows:
@@ -100,7 +100,9 @@ class Rows:
         values = self.reals()
         short = first(self.sizes < 3)
         if short is not None:
-            raise FormatError(f"{self.where(short)}a vertex with {self.sizes[short]} coordinates")
+            raise FormatError(
+                f"{self.where(short)}a vertex has {self.sizes[short]} coordinates, expected 3"
+            )
         return values[spans(self.starts, np.full_like(self.sizes, 3))].reshape(-1, 3)
 
 

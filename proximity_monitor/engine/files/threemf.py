@@ -25,7 +25,7 @@ def read_3mf(data: bytes, _: Path) -> Triangles:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             return _Package(archive).triangles()
     except (zipfile.BadZipFile, EOFError, NotImplementedError) as error:
-        raise FormatError(f"its archive is damaged: {error}") from None
+        raise FormatError(f"invalid ZIP archive: {error}") from None
 
 
 class _Package:
@@ -48,7 +48,7 @@ class _Package:
             if need(each, "Type").endswith("/3dmodel")
         ]
         if not targets:
-            raise FormatError("names no model in _rels/.rels")
+            raise FormatError("_rels/.rels names no model")
         model = self._model(targets[0])
         for item in model.findall("build/item"):
             self._place(targets[0], item, np.eye(4), ())
@@ -65,21 +65,25 @@ class _Package:
         text = self._read(path)
         model = parsed(text)
         if model.tag != "model":
-            raise FormatError(f"{path} is no model, but <{model.tag}>")
+            raise FormatError(f"{path}: expected the root element <model>, found <{model.tag}>")
         unit = model.get("unit", "millimeter")
         if unit not in _UNITS:
-            raise FormatError(f"{path}: unit {unit!r} is none of {', '.join(_UNITS)}")
+            raise FormatError(f"{path}: unit = {unit!r}: must be one of {', '.join(_UNITS)}")
         self._unit = self._unit or unit
         if unit != self._unit:
-            raise FormatError(f"{path} has the unit {unit!r}, others {self._unit!r}: use one unit")
+            raise FormatError(
+                f"{path} has the unit {unit!r}, but other parts have {self._unit!r}: use one unit"
+            )
         for prefix in model.get("requiredextensions", "").split():
             name = text.partition(f"xmlns:{prefix}=".encode())[2][1:].split(b'"')[0].split(b"'")[0]
             if not any(known.encode() in name for known in _KNOWN):
-                raise FormatError(f"requires the extension {name.decode()!r}, which is not read")
+                raise FormatError(
+                    f"requires the extension {name.decode()!r}, which is not supported"
+                )
         listed = model.findall("resources/object")
         self._objects[path] = {need(each, "id"): each for each in listed}
         if len(self._objects[path]) < len(listed):
-            raise FormatError(f"{path} gives an object's id twice")
+            raise FormatError(f"{path} uses an object id twice")
         return model
 
     def _place(self, path: str, link: Element, above: Reals, within: tuple[str, ...]) -> None:
@@ -91,13 +95,13 @@ class _Package:
             self._model(path)
         number = need(link, "objectid")
         if number not in self._objects[path]:
-            raise FormatError(f"object {number} of {path} is used, but not there")
+            raise FormatError(f"object {number} of {path} is used, but does not exist")
         key, name = f"{path} {number}", f"object {number}"
         if key in within:
             raise FormatError(f"{name} contains itself")
         element = self._objects[path][number]
         if element.get("type") == "other":
-            raise FormatError(f"{name} has the type 'other', which no build may contain")
+            raise FormatError(f"{name} has the type 'other', which is not allowed in a build")
         mesh, components = element.find("mesh"), element.find("components")
         if mesh is not None:
             if (path, number) not in self._meshes:
@@ -107,13 +111,15 @@ class _Package:
             for each in components.findall("component"):
                 self._place(path, each, matrix, (*within, key))
         else:
-            raise FormatError(f"{name} is neither a mesh nor made of others, which is not read")
+            raise FormatError(
+                f"{name} has neither <mesh> nor <components>: nothing else is supported"
+            )
 
 
 def _mesh(mesh: Element, name: str) -> Part:
     """Return the vertices and faces of an object's mesh."""
     if mesh.find("beamlattice") is not None:
-        raise FormatError(f"{name} has a beam lattice, which is not read")
+        raise FormatError(f"{name} has a beam lattice, which is not supported")
     points = mesh.findall("vertices/vertex")
     triangles = mesh.findall("triangles/triangle")
     text = attributes(points, "xyz")

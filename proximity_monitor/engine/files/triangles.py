@@ -59,14 +59,14 @@ def check_corners(corners: Ints, sizes: Ints, count: int, where: Where) -> None:
     """Refuse faces with fewer than three corners, and corners outside the `count` vertices."""
     bad = first(sizes < 3)
     if bad is not None:
-        raise FormatError(f"{where(bad)}a face with {sizes[bad]} corners")
+        raise FormatError(f"{where(bad)}a face has {sizes[bad]} corners, expected at least 3")
     bad = first((corners < 0) | (corners >= count))
     if bad is not None:
         ends = np.cumsum(sizes)
         face = int(np.searchsorted(ends, bad, side="right"))
         listed = corners[ends[face] - sizes[face] : ends[face]][:8].tolist()
         raise FormatError(
-            f"{where(face)}corners {listed}: not all are vertices; there are {count}, "
+            f"{where(face)}corners {listed}: not all are vertices; there are {count} vertices, "
             "numbered from 0"
         )
 
@@ -122,7 +122,9 @@ class Parts:
         if not len(faces):
             return
         if matrix[3].tolist() != [0.0, 0.0, 0.0, 1.0]:
-            raise FormatError(f"a matrix with the last row {matrix[3].tolist()}, not [0, 0, 0, 1]")
+            raise FormatError(
+                f"a matrix has the last row {matrix[3].tolist()}, expected [0, 0, 0, 1]"
+            )
         with np.errstate(all="ignore"):  # vertices that are not finite are refused after reading
             self._vertices.append(vertices @ matrix[:3, :3].T + matrix[:3, 3])
             mirrored = np.linalg.det(matrix[:3, :3]) < 0.0

@@ -18,7 +18,7 @@ def parsed(data: bytes) -> Element:
     try:
         root = ElementTree.fromstring(data)
     except ElementTree.ParseError as error:
-        raise FormatError(f"its XML is damaged: {error}") from None
+        raise FormatError(f"invalid XML: {error}") from None
     for element in root.iter():
         element.tag = element.tag.rpartition("}")[2]
     return root
@@ -52,5 +52,5 @@ def attributes(elements: Sequence[Element], keys: Sequence[str]) -> str:
 
 def _counted(numbers: NDArray, what: str, count: int | None) -> NDArray:
     if count is not None and len(numbers) != count:
-        raise FormatError(f"{what} holds {len(numbers)} numbers, not {count}")
+        raise FormatError(f"{what} has {len(numbers)} numbers, expected {count}")
     return numbers

@@ -27,7 +27,7 @@ def checked_vertices(vertices: ArrayLike, name: str, what: str = "vertices") -> 
     if array.ndim != 2 or array.shape[1] != 3:
         raise ModelError(f"{name}: {what}: shape {array.shape}, expected (n, 3)")
     if len(array) == 0:
-        raise ModelError(f"{name}: {what}: there are none")
+        raise ModelError(f"{name}: {what}: must not be empty")
     bad = ~(np.abs(array) <= LARGEST_COORDINATE).all(axis=1)
     if bad.any():
         first = int(np.flatnonzero(bad)[0])
@@ -50,10 +50,7 @@ def checked_length(value: float, name: str, what: str) -> float:
     except TypeError:
         length = math.nan
     if not 0.0 <= length <= LARGEST_COORDINATE:
-        raise ModelError(
-            f"{name}: {what} = {value!r}: must be a number of metres from 0 to "
-            f"{LARGEST_COORDINATE:g}"
-        )
+        raise ModelError(f"{name}: {what} = {value!r}: must be from 0 to {LARGEST_COORDINATE:g} m")
     return length
 
 
@@ -68,7 +65,7 @@ def checked_faces(faces: ArrayLike, vertex_count: int, name: str) -> NDArray[np.
     except ValueError as error:
         raise ModelError(f"{name}: faces: not an array: {error}") from None
     if given.size == 0:
-        raise ModelError(f"{name}: faces: there are none; a model needs at least one triangle")
+        raise ModelError(f"{name}: faces: must not be empty; a model needs at least one triangle")
     if given.ndim != 2 or given.shape[1] != 3:
         raise ModelError(f"{name}: faces: shape {given.shape}, expected (m, 3)")
     if given.dtype.kind not in "iu":
@@ -77,8 +74,8 @@ def checked_faces(faces: ArrayLike, vertex_count: int, name: str) -> NDArray[np.
     if bad.any():
         first = int(np.flatnonzero(bad)[0])
         raise ModelError(
-            f"{name}: faces[{first}] = {given[first].tolist()}: names no vertex; there are "
-            f"{vertex_count}, numbered from 0 ({int(bad.sum())} such faces)"
+            f"{name}: faces[{first}] = {given[first].tolist()}: not all are vertices; there are "
+            f"{vertex_count} vertices, numbered from 0 ({int(bad.sum())} such faces)"
         )
     array = np.array(given, dtype=np.int32, order="C")
     array.setflags(write=False)

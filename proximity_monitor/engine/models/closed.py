@@ -79,7 +79,7 @@ def find_joints(nets: Sequence[Net], deviation: float) -> Joints:
 def _opening(nets: Sequence[Net], deviation: float) -> tuple[str, float]:
     """Return why patches do not close up (empty if they do), and the remaining gap, metres."""
     if all(net.is_curve for net in nets):
-        return "it consists of curves alone", 0.0
+        return "it consists only of curves", 0.0
     size = max(float(np.abs(net.points).max()) for net in nets)
     trimmed = any(net.trim is not None for net in nets)
     gap = 2.0 * deviation + _TRIMMED_SHARE * size if trimmed else deviation + _SIZE_SHARE * size
@@ -100,9 +100,9 @@ def _opening(nets: Sequence[Net], deviation: float) -> tuple[str, float]:
     where = f"the first of patch {first.patch} between {ends}"
     turned = edges[:1] + [edge.turned() for edge in edges[1:]]
     if len(_unmatched(turned, gap, widths)) < len(turned):
-        return f"its patches are of unlike orientation at {len(edges)} edges, {where}", 0.0
+        return f"its patches have opposite orientations at {len(edges)} edges, {where}", 0.0
     wide = _opening_at(edges)
-    where += f", {wide:.3g} m from the nearest other one" if wide < np.inf else ""
+    where += f", {wide:.3g} m from the nearest other edge" if wide < np.inf else ""
     return f"its patches do not close up: {len(edges)} open edges, {where}", 0.0
 
 

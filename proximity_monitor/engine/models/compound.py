@@ -65,8 +65,8 @@ def compound(parts: Sequence[Part], *, name: str = "compound", **how: Unpack[How
     surfaces = [part.model for part in parts if isinstance(part.model, Surface)]
     if surfaces and len(surfaces) < len(parts):
         raise ModelError(
-            f"{name}: {surfaces[0].name}: a parametric surface, which makes no one model with "
-            "meshes; watch it as a body of its own"
+            f"{name}: {surfaces[0].name}: a parametric surface, which cannot be combined with "
+            "meshes in one model; make it a body of its own"
         )
     if surfaces and (revolved := _revolved(parts, name, how)):
         return revolved
@@ -164,7 +164,7 @@ def _revolved(parts: Sequence[Part], name: str, how: How) -> SolidOfRevolution |
 
 def _check_surface(name: str, how: How) -> None:
     if how.get("volume", "rss") != "rss" or how.get("solid") == "robust":
-        raise ModelError(f"{name}: volume and solid='robust' are for meshes, not for surfaces")
+        raise ModelError(f"{name}: volume and solid='robust' are only for meshes, not for surfaces")
 
 
 def _both_ways(faces: NDArray[np.int32]) -> NDArray[np.int32]:
@@ -177,7 +177,7 @@ def _placed(part: Part, name: str) -> Facets:
     if core.swept_radius > 0.0 and np.ptp(scale) > 0.0:
         raise ModelError(
             f"{name}: {part.model.name}: scale = {part.scale}: a ball sweeps it, so all factors "
-            "must be alike"
+            "must have the same absolute value"
         )
     vertices = core.vertices * part.scale @ part.pose[:3, :3].T + part.pose[:3, 3]
     faces = core.faces

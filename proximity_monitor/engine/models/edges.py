@@ -91,7 +91,7 @@ def _edges_of(trims: Trims, patch: int, pieces: NDArray, of: NDArray[np.int64]) 
         for begin, stop in pairwise(found):
             for a, b, middle, box in _stretches(control, begin, stop, low, high, slack, 0):
                 if (box[0] < -_ROOTS).any() or (box[1] > 1.0 + _ROOTS).any():
-                    raise ModelError(f"patch {patch}: a trimming loop leaves its rectangle")
+                    raise ModelError(f"patch {patch}: a trimming loop leaves the patch's rectangle")
                 on = (low[0] <= middle[0]) & (middle[0] <= high[0])
                 on &= (low[1] <= middle[1]) & (middle[1] <= high[1])
                 if on.any():  # else rounding puts it on a piece that was dropped

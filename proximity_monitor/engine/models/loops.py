@@ -61,7 +61,7 @@ def examine(trim: Trim) -> Loops:
         loops.append(stretches)
         blur = max(blur, slack + moved)
     if not all(loops):
-        return Loops("one of its loops is a point", [], 0.0)
+        return Loops("one of its trimming loops is a point", [], 0.0)
     for loop in loops:
         for stretch in loop:
             blur = max(blur, _alone(stretch, slack, _DEEP))
@@ -82,14 +82,14 @@ def examine(trim: Trim) -> Loops:
         elif not _are_apart(a, b, slack, _DEEP):
             blur = np.inf
     if blur > _CUSP:
-        return Loops("its loops cross or touch", [], 0.0)
+        return Loops("its trimming loops cross or touch", [], 0.0)
     turned = []
     for i, loop in enumerate(loops):
         place = _hull(loop[0])[0]
         odd = sum(_holds(other, place, slack) for j, other in enumerate(loops) if j != i) % 2
         area = _area(loop, slack)
         if area == 0.0:
-            return Loops("one of its loops is too thin to tell its inside", [], 0.0)
+            return Loops("one of its trimming loops is too thin to tell its inside", [], 0.0)
         turned.append((area > 0.0) == (odd == 1))
     return Loops("", turned, blur)
 

@@ -20,8 +20,8 @@ from .tessellate import tessellated
 from .tree import VOLUMES
 
 _WAY_OUT = (
-    "repair it (close holes, orient faces alike), or give it solid='robust', which bridges holes, "
-    "or solid=False, which takes it for a surface"
+    "repair it (close holes, orient faces consistently), or set solid='robust', which bridges "
+    "holes, or solid=False, which makes it a surface"
 )
 _LIES_ON = ("vertex", "edge", "face")
 """What a point lies on, by the number of its barycentric weights that are not 0, less one."""
@@ -144,8 +144,8 @@ class TriangleMesh(Model):
         moved, before = checked_vertices(points, self.name), self.vertices
         if len(moved) != len(before):
             raise ModelError(
-                f"{self.name}: vertices: {len(moved)} given, but the faces are over "
-                f"{len(before)}; build a new TriangleMesh for another topology"
+                f"{self.name}: vertices: {len(moved)} given, expected {len(before)}; to change the "
+                "topology, build a new TriangleMesh"
             )
         self._take(self._hierarchy.refitted(moved))
         # The motion of a point of a face is a mean of the motions of the face's corners.
@@ -154,7 +154,7 @@ class TriangleMesh(Model):
     def _take(self, hierarchy: MeshHierarchy) -> None:
         """Adopt a hierarchy; raise ModelError if the mesh must be a solid and is none."""
         if hierarchy.solid is True and (reason := hierarchy.sides().reason):
-            raise ModelError(f"{self.name}: no solid: {reason}; {_WAY_OUT}")
+            raise ModelError(f"{self.name}: not a solid: {reason}; {_WAY_OUT}")
         self._hierarchy = hierarchy
 
     def display_mesh(self, tolerance: float) -> DisplayMesh:
@@ -210,7 +210,7 @@ class TriangleMesh(Model):
         """
         if state["kernels"] != KERNELS:
             raise ModelError(
-                f"{state['name']}: pickled by another version of proximity_monitor; make it anew "
+                f"{state['name']}: pickled by another version of proximity_monitor; make it again "
                 "from its file, or from vertices and faces"
             )
         self.name = state["name"]

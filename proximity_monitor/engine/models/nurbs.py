@@ -189,8 +189,8 @@ def _checked_knots(knots: ArrayLike | None, count: int, what: str) -> NDArray[np
     if knots is None:
         if not 2 <= count <= HIGHEST_DEGREE + 1:
             raise ModelError(
-                f"{what}: there are none, so {count} control points are those of a Bezier piece, "
-                f"which has 2 to {HIGHEST_DEGREE + 1}"
+                f"{what}: None means a single Bezier piece, which has 2 to {HIGHEST_DEGREE + 1} "
+                f"control points, not {count}"
             )
         return np.repeat([0.0, 1.0], count)
     given = as_reals(knots, what, error=ModelError).copy()
@@ -199,13 +199,13 @@ def _checked_knots(knots: ArrayLike | None, count: int, what: str) -> NDArray[np
     degree = len(given) - count - 1
     if not 1 <= degree <= HIGHEST_DEGREE:
         raise ModelError(
-            f"{what}: {len(given)} for {count} control points, whose degree would be {degree} "
-            f"(knots less control points less 1); it must be 1 to {HIGHEST_DEGREE}"
+            f"{what}: {len(given)} knots for {count} control points give degree {degree} "
+            f"(knots - control points - 1); it must be 1 to {HIGHEST_DEGREE}"
         )
     if count <= degree:
         raise ModelError(
-            f"{what}: {len(given)} for {count} control points, whose degree would be {degree}; "
-            f"that takes at least {degree + 1} control points"
+            f"{what}: {len(given)} knots for {count} control points give degree {degree}, which "
+            f"needs at least {degree + 1} control points"
         )
     _refuse(~np.isfinite(given), given, what, "every knot must be finite")
     _refuse(
@@ -215,15 +215,15 @@ def _checked_knots(knots: ArrayLike | None, count: int, what: str) -> NDArray[np
     low, high = float(given[degree]), float(given[count])
     if not low < high:
         raise ModelError(
-            f"{what}: knots {degree} and {count}, between which the parameter lies, are both {low}"
+            f"{what}: knots {degree} and {count}, the ends of the parameter's range, are both {low}"
         )
     _refuse(
         given == np.append(given[degree + 1 :], np.full(degree + 1, np.inf)), given, what,
-        f"repeated more than {degree + 1} times, the degree and 1; a control point would count for "
-        "nothing",
+        f"repeated more than {degree + 1} times (the degree plus 1); a control point would have "
+        "no effect",
     )  # fmt: skip
     if not math.isfinite(float(given[-1]) - float(given[0])):
-        raise ModelError(f"{what}: from {given[0]} to {given[-1]} is farther than a float reaches")
+        raise ModelError(f"{what}: the range from {given[0]} to {given[-1]} overflows a float")
     return given
 
 
@@ -233,7 +233,7 @@ def _checked_weights(
     """Return a checked copy of the weights, times a power of two; None if all are equal."""
     given = as_reals(weights, what, error=ModelError).copy()
     if given.shape != shape:
-        raise ModelError(f"{what}: shape {given.shape}, expected {shape}, as the control points'")
+        raise ModelError(f"{what}: shape {given.shape}, expected {shape}, like the control points")
     bad = ~((given > 0.0) & (given < math.inf))
     _refuse(bad, given, what, "every weight must be finite and above 0")
     largest = float(given.max())

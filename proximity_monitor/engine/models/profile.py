@@ -95,7 +95,7 @@ def checked_profile(
     leftward = runs_leftward(pieces, size, not closed)
     if leftward is None:
         raise ModelError(
-            f"{name}: curves: it cannot be told on which side of them the solid is; is it a sliver?"
+            f"{name}: curves: cannot tell on which side of them the solid is; is it a sliver?"
         )
     return Profile(tuple(nets), closed, size, leftward, pieces)
 
@@ -157,7 +157,7 @@ def _check_axis(
         t = (1.0 - share) * along.low[own] + share * along.high[own]
         raise ModelError(
             f"{name}: curves[{numbers[k]}]: crosses the axis: rho = {rho:.6g} m at t = {t:.6g}; "
-            "a profile stays where rho >= 0"
+            "a profile must stay where rho >= 0"
         )
 
 
@@ -172,8 +172,8 @@ def _check_along_axis(
             spans = nets[k].spans[0]
             raise ModelError(
                 f"{name}: curves[{numbers[k]}]: runs along the axis from t = {spans.low[i]:.6g} to "
-                f"{spans.high[i]:.6g}, within the solid; leave that out: a profile may begin and "
-                "end on the axis, and what is on both sides of it is a solid each (a compound)"
+                f"{spans.high[i]:.6g}, inside the solid; leave that part out: a profile may begin "
+                "and end on the axis, and the solids on both sides of that part make a compound"
             )
 
 
@@ -189,15 +189,15 @@ def _check_ends(
             i = int(gaps.argmax())
             t = nets[k].spans[0].low[i + 1]
             raise ModelError(
-                f"{name}: curves[{numbers[k]}]: is torn at t = {t:.6g}: there it goes on "
-                f"{gaps[i]:.3g} m from where it ended, {ends[i].tolist()}"
+                f"{name}: curves[{numbers[k]}]: is discontinuous at t = {t:.6g}: it jumps by "
+                f"{gaps[i]:.3g} m from {ends[i].tolist()}"
             )
     ends = _ends_of(pieces)
     for i in range(1, len(ends)):
         gap = float(np.linalg.norm(ends[i][0] - ends[i - 1][1]))
         if gap > near:
             turned = float(np.linalg.norm(ends[i][1] - ends[i - 1][1])) <= near
-            hint = f"; turn curves[{numbers[i]}] around" if turned else ""
+            hint = f"; reverse curves[{numbers[i]}]" if turned else ""
             raise ModelError(
                 f"{name}: curves[{numbers[i]}] begins at {ends[i][0].tolist()}, {gap:.3g} m from "
                 f"{ends[i - 1][1].tolist()}, where the curve before it ends{hint}"
@@ -221,9 +221,9 @@ def _is_loop(pieces: Sequence[Reals], near: float, name: str) -> bool:
         if end[0] > near:
             raise ModelError(
                 f"{name}: curves: the profile {where} at {end.tolist()}, {end[0]:.6g} m off the "
-                "axis; it must run from the axis to the axis, or around in a loop"
+                "axis; it must run from the axis to the axis, or form a closed loop"
             )
-    raise AssertionError("one of both ends is off the axis")
+    raise AssertionError("one of the ends is off the axis")
 
 
 def _points(pieces: Reals, count: int) -> Reals:

@@ -73,13 +73,13 @@ class SolidOfRevolution(Surface):
     ) -> None:
         ahead.want(self.kind)
         if isinstance(curves, Curve) or not isinstance(curves, Iterable):
-            raise ModelError(f"{name}: curves: expected a list of them, got {curves!r}")
+            raise ModelError(f"{name}: curves: expected a list of curves, got {curves!r}")
         given = tuple(curves)
         for i, curve in enumerate(given):
             if not isinstance(curve, Curve):
                 raise ModelError(f"{name}: curves[{i}]: expected Curve, got {type(curve).__name__}")
         if not given:
-            raise ModelError(f"{name}: curves: there are none")
+            raise ModelError(f"{name}: curves: must not be empty")
         self._frame = _frame(origin, axis, name)
         deviation = checked_length(deviation, name, "deviation")
         deviation = max(deviation, *(curve.deviation for curve in given))
@@ -148,7 +148,7 @@ class SolidOfRevolution(Surface):
         before = np.concatenate([net.points for net in self.profile.nets])
         if len(moved) != len(before):
             raise ModelError(
-                f"{self.name}: control_points: {len(moved)} given, but there are {len(before)}"
+                f"{self.name}: control_points: {len(moved)} given, expected {len(before)}"
             )
         parts = np.split(moved, np.cumsum([len(net.points) for net in self.profile.nets])[:-1])
         nets = [net.moved(part) for net, part in zip(self.profile.nets, parts, strict=True)]
@@ -226,11 +226,14 @@ def _frame(origin: ArrayLike, axis: ArrayLike, name: str) -> NDArray[np.float64]
     for what, given in (("origin", origin), ("axis", axis)):
         array = as_reals(given, f"{name}: {what}", error=ModelError)
         if array.shape != (3,) or not (np.abs(array) <= LARGEST_COORDINATE).all():
-            raise ModelError(f"{name}: {what} = {given!r}: expected three finite metres")
+            raise ModelError(
+                f"{name}: {what} = {given!r}: expected three finite numbers of at most "
+                f"{LARGEST_COORDINATE:g}"
+            )
         made[:3, 3 if what == "origin" else 2] = array
     largest = float(np.abs(made[:3, 2]).max())
     if not largest > 0.0:
-        raise ModelError(f"{name}: axis = {axis!r}: has no length")
+        raise ModelError(f"{name}: axis = {axis!r}: must not be the zero vector")
     # Scale by a power of two first, because squares of tiny or huge numbers are lost.
     z = np.ldexp(made[:3, 2], -math.frexp(largest)[1])
     z /= np.linalg.norm(z)

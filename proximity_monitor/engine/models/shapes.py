@@ -123,7 +123,9 @@ def box(size: Sequence[float], *, name: str = "box", **how: Unpack[How]) -> Mode
     """
     given = as_reals(size, f"{name}: size", error=ModelError)
     if given.shape != (3,) or not ((given >= 0.0) & (given <= LARGEST_COORDINATE)).all():
-        raise ModelError(f"{name}: size = {size!r}: must be three numbers of metres, none below 0")
+        raise ModelError(
+            f"{name}: size = {size!r}: must be three lengths from 0 to {LARGEST_COORDINATE:g} m"
+        )
     corners = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
     quads = np.array(
         [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
@@ -160,7 +162,7 @@ def cylinder(
     if segments is None:
         return cone(radius, radius, height, name=name, **how)
     if as_count(segments, "segments") < 3:
-        raise ModelError(f"{name}: segments = {segments}: a prism has 3 sides at least")
+        raise ModelError(f"{name}: segments = {segments}: a prism has at least 3 sides")
     radius = checked_length(radius, name, "radius")
     height = checked_length(height, name, "height")
     larger = 2.0 * radius / (1.0 + math.cos(math.pi / segments))
@@ -266,7 +268,7 @@ def torus(large: float, small: float, *, name: str = "torus", **how: Unpack[How]
 def _revolved(curves: Sequence[Curve], name: str, how: How) -> Model:
     """Make the solid of revolution of a profile about z; if `solid` is False, its surface alone."""
     if how.get("volume", "rss") != "rss" or how.get("solid") == "robust":
-        raise ModelError(f"{name}: volume and solid='robust' are for meshes, not for surfaces")
+        raise ModelError(f"{name}: volume and solid='robust' are only for meshes, not for surfaces")
     made = SolidOfRevolution(curves, name=name, deviation=how.get("deviation", 0.0))
     if how.get("solid") is not False:
         return made

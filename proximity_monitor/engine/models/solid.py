@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from .model import Model
     from .tree import Tree
 
-_AS_TOLD = "it is to be taken for a surface (solid=False)"
+_AS_TOLD = "it is set to be a surface (solid=False)"
 _NO_MOMENTS = np.empty((0, MOMENTS))
 
 
@@ -154,7 +154,7 @@ def _edges(
     proper, odd, unlike, firsts, rim = solids.unpaired_edges(faces, mesh.vertices)
     for count, (i, j), text in (
         (odd, firsts[0], "not watertight: {} open edges (of an odd number of faces)"),
-        (unlike, firsts[1], "faces of unlike orientation at {} edges"),
+        (unlike, firsts[1], "faces with opposite orientations at {} edges"),
     ):
         if count:
             text = f"{text.format(count)}, the first between the vertices"

@@ -55,8 +55,8 @@ class Surface(Model):
         joints = find_joints(nets, self.deviation)
         if joints.reason and self._solid:
             raise ModelError(
-                f"{self.name}: no solid: {joints.reason}; close it, give it a deviation as large "
-                "as its gaps, or solid=False, which takes it for a surface"
+                f"{self.name}: not a solid: {joints.reason}; close it, set a deviation as large as "
+                "its gaps, or set solid=False, which makes it a surface"
             )
         return joints
 
@@ -97,7 +97,7 @@ class Surface(Model):
         moved, before = checked_vertices(points, self.name, "control_points"), self.control_points
         if len(moved) != len(before):
             raise ModelError(
-                f"{self.name}: control_points: {len(moved)} given, but there are {len(before)}"
+                f"{self.name}: control_points: {len(moved)} given, expected {len(before)}"
             )
         ends = np.cumsum([len(net.points) for net in self.nets])[:-1]
         parts = np.split(moved, ends)
@@ -172,7 +172,7 @@ class Surface(Model):
         """
         if state["kernels"] != KERNELS:
             raise ModelError(
-                f"{state['name']}: pickled by another version of proximity_monitor; make it anew "
+                f"{state['name']}: pickled by another version of proximity_monitor; make it again "
                 "from its file, or from its control points"
             )
         self.name = state["name"]
@@ -241,7 +241,7 @@ class ParametricSurface(Surface):
                     f"{name}: patches[{i}]: expected Patch or Curve, got {type(patch).__name__}"
                 )
         if not given:
-            raise ModelError(f"{name}: patches: there are none")
+            raise ModelError(f"{name}: patches: must not be empty")
         if not (solid is None or isinstance(solid, bool)):
             raise ModelError(f"{name}: solid = {solid!r}: must be True, False or None")
         deviation = checked_length(deviation, name, "deviation")

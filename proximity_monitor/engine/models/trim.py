@@ -126,14 +126,14 @@ class Trim:
             own_low, extent = float(self.record["low"][i]), float(self.record["extent"][i])
             if own_low != low or abs(own_low + extent - high) > 1e-12 * (abs(high) + extent):
                 raise ModelError(
-                    f"{name}: trim: its {letter} goes from {own_low} to {own_low + extent}, "
-                    f"that of the patch from {low} to {high}"
+                    f"{name}: trim: its {letter} ranges from {own_low} to {own_low + extent}, "
+                    f"but that of the patch from {low} to {high}"
                 )
             arcs = int(self.record["arcs"][i])
             if arcs and not (arcs == len(along.low) and along.degree == 2):
                 raise ModelError(
-                    f"{name}: trim: {arcs} arcs in {letter}, where the patch has {len(along.low)} "
-                    f"pieces of degree {along.degree}"
+                    f"{name}: trim: {arcs} arcs in {letter} need as many pieces of degree 2, but "
+                    f"the patch has {len(along.low)} of degree {along.degree}"
                 )
 
     def swapped(self) -> Self:
@@ -159,9 +159,14 @@ class Trim:
         count = len(control)
         weights = np.ones(count) if curve.weights is None else np.asarray(curve.weights)
         if control.shape != (count, 2) or weights.shape != (count,) or not 2 <= count <= 16:
-            raise ModelError(f"trim: a curve of shape {control.shape}, expected (2 to 16, 2)")
+            raise ModelError(
+                f"trim: a curve has control points of shape {control.shape} and weights of shape "
+                f"{weights.shape}, expected (n, 2) and (n,) with n from 2 to 16"
+            )
         if not (np.isfinite(control).all() and (weights > 0.0).all() and weights.max() < math.inf):
-            raise ModelError("trim: a curve with points or weights that are not finite or positive")
+            raise ModelError(
+                "trim: a curve's points must be finite, its weights finite and above 0"
+            )
         unit = (control - low) / extent
         sides = np.round(unit)
         near = (np.abs(unit - sides) <= SNAP) & ((sides == 0.0) | (sides == 1.0))
@@ -178,7 +183,7 @@ class Trim:
         # A segment of a frame passes the middle on its left or on its right.
         crossed = ((ay <= 0.5) != (by <= 0.5)) & (bx > 0.5)
         if not int(crossed.sum()) % 2:
-            raise ModelError("trim: nothing is left of the patch")
+            raise ModelError("trim: the loops leave nothing of the patch")
         return True
 
 

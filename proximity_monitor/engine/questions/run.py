@@ -132,7 +132,7 @@ class Search:
         among: Sequence[Model] = (),
     ) -> None:
         if order not in _ORDERS:
-            raise ValueError(f"order = {order!r}: known are {', '.join(map(repr, _ORDERS))}")
+            raise ValueError(f"order = {order!r}: must be one of {', '.join(map(repr, _ORDERS))}")
         self.models = a, b
         self.kinds = type(a), type(b)
         self.order = order
