@@ -45,12 +45,12 @@ of a sample of near and far pairs at every tick of a crowd, and at every hundred
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line and return the exit status."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--quick", action="store_true", help="few ticks, at most 1,000 bodies")
+    parser.add_argument("--quick", action="store_true", help="fewer ticks, at most 1,000 bodies")
     parser.add_argument(
-        "--bodies", type=int, nargs="+", help="of the crowds; default: 10 to 10,000"
+        "--bodies", type=int, nargs="+", help="sizes of the crowds (default: 10 to 10,000)"
     )
-    parser.add_argument("--threads", type=int, default=1, help="for searches (%(default)s)")
-    parser.add_argument("--out", type=Path, default=OUT, help="folder to write to (%(default)s)")
+    parser.add_argument("--threads", type=int, default=1, help="threads for searches (%(default)s)")
+    parser.add_argument("--out", type=Path, default=OUT, help="output folder (%(default)s)")
     options = parser.parse_args(arguments)
     options.out.mkdir(parents=True, exist_ok=True)
     rows = []

@@ -157,15 +157,23 @@ def main() -> int:
     """Run the command line and return the exit status."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("what", choices=("drag", "crowd"))
-    parser.add_argument("--steps", type=int, default=200, help="of the drag (default: 200)")
-    parser.add_argument("--seconds", type=float, default=30.0, help="for the list (default: 30)")
-    parser.add_argument("--parts", type=int, default=20, help="of the drag (default: 20)")
+    parser.add_argument("--steps", type=int, default=200, help="steps of the drag (default: 200)")
     parser.add_argument(
-        "--subdivisions", type=int, default=5, help="of each part: 20 * 4^N triangles (default: 5)"
+        "--seconds", type=float, default=30.0, help="how long to watch the list (default: 30)"
     )
-    parser.add_argument("--rate", type=float, default=0.0, help="ticks a second (30; crowd 10)")
-    parser.add_argument("--undrawn", action="store_true", help="as if drawing took no time")
-    parser.add_argument("--small", action="store_true", help="a window of 800 by 400")
+    parser.add_argument(
+        "--parts", type=int, default=20, help="number of parts to drag among (default: 20)"
+    )
+    parser.add_argument(
+        "--subdivisions", type=int, default=5, help="each part has 20 * 4^N triangles (default: 5)"
+    )
+    parser.add_argument(
+        "--rate", type=float, default=0.0, help="ticks per second (drag: 30, crowd: 10)"
+    )
+    parser.add_argument(
+        "--undrawn", action="store_true", help="skip the drawing, as if it took no time"
+    )
+    parser.add_argument("--small", action="store_true", help="a window of 800 x 400 pixels")
     chosen = parser.parse_args()
     chosen.rate = chosen.rate or {"drag": 30.0, "crowd": 10.0}[chosen.what]
     os.environ["ROS_DOMAIN_ID"] = str(random.SystemRandom().randint(1, 100))

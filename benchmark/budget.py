@@ -64,11 +64,13 @@ CURVED: dict[str, Callable[[], StudyScene]] = {
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line and return the exit status."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--scene", nargs="+", default=[], help="scenes or families; default: some")
-    parser.add_argument("--question", nargs="+", default=[], help="how their names begin")
-    parser.add_argument("--quick", action="store_true", help="few calls")
-    parser.add_argument("--busy", action="store_true", help="while other processes compute")
-    parser.add_argument("--repeats", type=int, default=1, help="least time of so many; default: 1")
+    parser.add_argument("--scene", nargs="+", default=[], help="scenes or families (default: some)")
+    parser.add_argument("--question", nargs="+", default=[], help="how the questions' names begin")
+    parser.add_argument("--quick", action="store_true", help="fewer calls")
+    parser.add_argument("--busy", action="store_true", help="measure while other processes compute")
+    parser.add_argument(
+        "--repeats", type=int, default=1, help="runs, the fastest counts (default: 1)"
+    )
     options = parser.parse_args(arguments)
     known = SCENES | CURVED
     wanted = options.scene or (*CHOSEN, *CURVED)

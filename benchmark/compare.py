@@ -43,7 +43,7 @@ def main(arguments: list[str] | None = None) -> int:
     options = _parser().parse_args(arguments)
     libraries = peers.installed()
     if not libraries:
-        sys.exit("no peer to compare with: pip install python-fcl coal")
+        sys.exit("no other library to compare with: pip install python-fcl coal")
     try:
         scenes = {**SCENES, **available(options.data)}
     except FileNotFoundError as error:
@@ -51,7 +51,7 @@ def main(arguments: list[str] | None = None) -> int:
     chosen = [name for name in scenes if _wanted(name, options.scene)]
     for asked in options.scene:
         if not any(_wanted(name, [asked]) for name in scenes):
-            sys.exit(f"--scene {asked}: not among {', '.join(scenes)}")
+            sys.exit(f"--scene {asked}: must be one of {', '.join(scenes)}")
     try:
         program = pqp.Pqp(options.pqp) if options.pqp else None
     except FileNotFoundError as error:
@@ -85,11 +85,11 @@ def main(arguments: list[str] | None = None) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--scene", nargs="+", default=[], help="scenes or families; default: all")
-    parser.add_argument("--quick", action="store_true", help="a few blocks of each scene")
-    parser.add_argument("--out", type=Path, default=OUT, help="folder to write to (%(default)s)")
-    parser.add_argument("--data", type=Path, help="folder that holds the folder falling_tori")
+    parser.add_argument("--quick", action="store_true", help="only a few blocks of each scene")
+    parser.add_argument("--out", type=Path, default=OUT, help="output folder (%(default)s)")
+    parser.add_argument("--data", type=Path, help="folder that contains falling_tori")
     parser.add_argument(
-        "--pqp", type=Path, metavar="DIR", help="PQP's sources: compare with it too"
+        "--pqp", type=Path, metavar="DIR", help="also compare with PQP, whose sources are in DIR"
     )
     return parser
 

@@ -39,14 +39,14 @@ _ROUNDING = 1e-9
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line and return the exit status."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--quick", action="store_true", help="three robots, fewer poses")
+    parser.add_argument("--quick", action="store_true", help="only three robots, fewer poses")
     quick = parser.parse_args(arguments).quick
     try:
         root = model_path("package://example-robot-data/package.xml", Path("/")).parent
     except SceneError as error:
         sys.exit(str(error))
     known = descriptions(root)
-    print("µs for a pair, exact cylinders / prisms; and how far the bounds are apart at the most\n")
+    print("µs per pair, exact cylinders / prisms; and the widest bounds of each\n")
     heads = "robot", "links, exact cylinders", "pairs", "random", "motion", "random, to 1 %"
     print(f"| {' | '.join(heads)} | motion, to 1 % | widest, mm |\n" + "|---" * 8 + "|")
     agreed, ratios = True, []

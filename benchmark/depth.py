@@ -28,14 +28,14 @@ Poses = list[tuple[NDArray, NDArray]]
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line and return the exit status."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--quick", action="store_true", help="a tenth of the poses")
+    parser.add_argument("--quick", action="store_true", help="only a tenth of the poses")
     quick = parser.parse_args(arguments).quick
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
     frames, pairs = (6, 20) if quick else (60, 165)
     parts = _parts()
     _ask(parts["box"], parts["box"], [(np.eye(4), np.eye(4))])  # compiles
-    print("solids, to 1 % of the depth unless told     median ms  longest ms  points")
+    print("solids, to 1 % of the depth unless stated   median ms  longest ms  points")
     fine = _mesh(trimesh.creation.icosphere(6))  # 81,920 triangles
     for overlap in (0.1, 0.01, 0.001):
         poses = _pushed(frames, overlap)

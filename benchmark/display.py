@@ -117,7 +117,7 @@ class Child:
                     return line.removeprefix(start).strip()
         finally:
             patience.cancel()
-        raise RuntimeError(f"ended without {start!r}, and said:\n{''.join(self.said)}")
+        raise RuntimeError(f"ended before it printed {start!r}; it printed:\n{''.join(self.said)}")
 
     def seconds(self) -> float:
         """Return the processor time so far, seconds."""
@@ -167,12 +167,12 @@ def crowd_text(rate: float) -> str:
 def main() -> int:
     """Measure, print a table and return the exit status."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--seconds", type=float, default=20.0, help="how long (default: 20)")
-    parser.add_argument("--parts", type=int, default=20, help="how many parts (default: 20)")
-    parser.add_argument("--rate", type=float, default=30.0, help="the monitor's ticks a second")
-    parser.add_argument("--budget", type=float, default=20.0, help="of a tick, in milliseconds")
+    parser.add_argument("--seconds", type=float, default=20.0, help="duration (default: 20)")
+    parser.add_argument("--parts", type=int, default=20, help="number of parts (default: 20)")
+    parser.add_argument("--rate", type=float, default=30.0, help="the monitor's ticks per second")
+    parser.add_argument("--budget", type=float, default=20.0, help="time budget of a tick, ms")
     parser.add_argument(
-        "--crowd", action="store_true", help="1,000 bodies and 10,476 pairs in range instead"
+        "--crowd", action="store_true", help="use 1,000 bodies with 10,476 pairs in range"
     )
     chosen = parser.parse_args()
     os.environ["ROS_DOMAIN_ID"] = str(random.SystemRandom().randint(1, 100))
@@ -208,7 +208,7 @@ def report(children: list[Child], chosen: argparse.Namespace) -> int:
         while not brings_points(socket.recv(timeout=START_S)):
             if time.monotonic() > ends:
                 said = "".join(line for child in children for line in child.said)
-                print(f"no frame came, but:\n{said}")
+                print(f"no frame arrived; the processes printed:\n{said}")
                 return 1
         used = [child.seconds() for child in children]
         began = time.monotonic()

@@ -141,9 +141,9 @@ def drag_times(hand: Hand, steps: int) -> list[float]:
 def main() -> int:
     """Measure, print and return the exit status."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--steps", type=int, default=300, help="of the drag (default: 300)")
-    parser.add_argument("--parts", type=int, default=20, help="how many parts (default: 20)")
-    parser.add_argument("--rate", type=float, default=30.0, help="the monitor's ticks a second")
+    parser.add_argument("--steps", type=int, default=300, help="steps of the drag (default: 300)")
+    parser.add_argument("--parts", type=int, default=20, help="number of parts (default: 20)")
+    parser.add_argument("--rate", type=float, default=30.0, help="the monitor's ticks per second")
     chosen = parser.parse_args()
     os.environ["ROS_DOMAIN_ID"] = str(random.SystemRandom().randint(1, 100))
     os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"

@@ -56,8 +56,8 @@ def main() -> int:
         description="Latency from a pose to its closest points, beside a bare round trip.",
         epilog="The targets are a median below 1 ms and a 99th percentile below 5 ms at 100 Hz.",
     )
-    parser.add_argument("--quick", action="store_true", help="5 seconds in place of 30")
-    parser.add_argument("--rate", type=float, default=100.0, metavar="HZ", help="poses a second")
+    parser.add_argument("--quick", action="store_true", help="5 seconds instead of 30")
+    parser.add_argument("--rate", type=float, default=100.0, metavar="HZ", help="poses per second")
     parser.add_argument("--csv", type=Path, metavar="FILE", help="write every latency to FILE")
     parser.add_argument("--echo", action="store_true", help=argparse.SUPPRESS)
     chosen = parser.parse_args()
@@ -72,7 +72,7 @@ def main() -> int:
         scene.write_text(SCENE, encoding="utf-8")
         node = Path(sys.prefix) / "lib" / "proximity_monitor" / "node"
         if not node.is_file():
-            print(f"{node} is not there: install the package first", file=sys.stderr)
+            print(f"{node} does not exist: install the package first", file=sys.stderr)
             return 1
         quiet = ["--ros-args", "--log-level", "WARN"]
         processes = [

@@ -29,7 +29,9 @@ _SINGLE = 1e-5
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line and return the exit status."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--points", type=int, default=200_000, help="how many (%(default)s)")
+    parser.add_argument(
+        "--points", type=int, default=200_000, help="number of points (%(default)s)"
+    )
     count = parser.parse_args(arguments).points
     # Must come before fcpw counts the processors: it would share a block among them.
     if hasattr(os, "sched_setaffinity"):
@@ -37,7 +39,7 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         import fcpw
     except ImportError:
-        sys.exit("no peer to compare with: pip install fcpw")
+        sys.exit("no other library to compare with: pip install fcpw")
 
     vertices, faces = shapes.sphere(1.0)
     points = np.random.default_rng(8).uniform(-2.0, 2.0, (count, 3)).astype(np.float32)

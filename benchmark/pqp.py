@@ -84,7 +84,7 @@ class Pqp:
             folder = folder / "src"
         sources = [folder / name for name in SOURCES]
         if missing := [str(path) for path in sources if not path.exists()]:
-            raise FileNotFoundError(f"no source of PQP: {', '.join(missing)}")
+            raise FileNotFoundError(f"missing sources of PQP: {', '.join(missing)}")
         with TemporaryDirectory() as made:
             path = Path(made) / "libpqp.so"
             command = [os.environ.get("CXX", "c++"), "-O3", "-march=native", "-w", "-fPIC"]
@@ -293,11 +293,11 @@ def _row(first: str, cells: list[str]) -> str:
 def main() -> None:
     """Run the command line."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("folder", type=Path, metavar="DIR", help="PQP's sources")
+    parser.add_argument("folder", type=Path, metavar="DIR", help="folder with PQP's sources")
     parser.add_argument("--scene", nargs="+", default=[], help="scenes or families; default: all")
-    parser.add_argument("--quick", action="store_true", help="a few blocks of each scene")
-    parser.add_argument("--out", type=Path, default=OUT, help="folder to write to (%(default)s)")
-    parser.add_argument("--data", type=Path, help="folder that holds the folder falling_tori")
+    parser.add_argument("--quick", action="store_true", help="only a few blocks of each scene")
+    parser.add_argument("--out", type=Path, default=OUT, help="output folder (%(default)s)")
+    parser.add_argument("--data", type=Path, help="folder that contains falling_tori")
     options = parser.parse_args()
     scenes = {
         name: make

@@ -105,12 +105,19 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         description=first, epilog=rest, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--quick", action="store_true", help="few poses and frames, two precisions")
-    parser.add_argument("--frames", type=int, default=50_000, help="of the motion (%(default)s)")
     parser.add_argument(
-        "--finest", type=int, default=1_000_000, help="most triangles of a mesh (%(default)s)"
+        "--quick", action="store_true", help="fewer poses and frames, only two precisions"
     )
-    parser.add_argument("--out", type=Path, default=OUT, help="folder to write to (%(default)s)")
+    parser.add_argument(
+        "--frames", type=int, default=50_000, help="frames of the motion (%(default)s)"
+    )
+    parser.add_argument(
+        "--finest",
+        type=int,
+        default=1_000_000,
+        help="maximum number of triangles of a mesh (%(default)s)",
+    )
+    parser.add_argument("--out", type=Path, default=OUT, help="output folder (%(default)s)")
     options = parser.parse_args(arguments)
     randoms, frames = (40, 300) if options.quick else (1000, options.frames)
     precisions = PRECISIONS[:2] if options.quick else PRECISIONS

@@ -67,7 +67,7 @@ class Truth:
         self._starts, both = [], []
         for a, b in pairs:
             if a not in owner or b not in owner:
-                raise ValueError(f"pinocchio has no shape of {a if a not in owner else b}")
+                raise ValueError(f"pinocchio has no shape for {a if a not in owner else b}")
             self._starts.append(len(both))
             both += [(i, j) for i in owner[a] for j in owner[b]]
         self.triangles, meshes = 0, {}

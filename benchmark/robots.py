@@ -83,7 +83,7 @@ def main(arguments: list[str] | None = None) -> int:
         and (not options.quick or name in QUICK)
     }
     if not chosen:
-        sys.exit(f"--robot: none of {', '.join(robots)}")
+        sys.exit(f"--robot: no match; known are {', '.join(robots)}")
     configurations = options.configurations or (10 if options.quick else 100)
     rows, refused = [], {}
     columns = TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()
@@ -216,7 +216,7 @@ def _check_poses(
     for body, pose in ours.items():
         error = float(np.abs(pose - theirs[names[body]]).max())
         if error > 1e-9:
-            raise ValueError(f"{names[body]}: pinocchio puts it {error:g} m elsewhere")
+            raise ValueError(f"{names[body]}: pinocchio's pose differs by {error:g}")
 
 
 def _before(path: Path | None) -> dict[str, str]:
@@ -252,10 +252,16 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--robot", action="append", default=[], metavar="NAME", help="part of a robot's name"
     )
-    parser.add_argument("--configurations", type=int, metavar="N", help="default: 100")
-    parser.add_argument("--quick", action="store_true", help="some small robots, 10 configurations")
+    parser.add_argument(
+        "--configurations", type=int, metavar="N", help="number per robot (default: 100)"
+    )
+    parser.add_argument(
+        "--quick", action="store_true", help="only some small robots, 10 configurations each"
+    )
     parser.add_argument("--out", type=Path, default=OUT, metavar="DIR")
-    parser.add_argument("--before", type=Path, metavar="FILE", help="robots.csv of a former run")
+    parser.add_argument(
+        "--before", type=Path, metavar="FILE", help="robots.csv of an earlier run, to compare with"
+    )
     return parser
 
 

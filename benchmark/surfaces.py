@@ -61,13 +61,16 @@ def main(arguments: list[str] | None = None) -> int:
     names = [*SCENES, "points", *surface_rates.RATES]
     for asked in options.scene:
         if asked not in names:
-            sys.exit(f"--scene {asked}: not among {', '.join(names)}")
+            sys.exit(f"--scene {asked}: must be one of {', '.join(names)}")
     chosen = options.scene or names
     count = options.poses or (6 if options.quick else 32)
     if occt.version() is None:
         if options.scene and not set(options.scene) <= set(WITHOUT_OCCT):
-            sys.exit("no peer to compare with: pip install cadquery-ocp")
-        print(f"cadquery-ocp is not installed: only {' and '.join(WITHOUT_OCCT)}", file=sys.stderr)
+            sys.exit("no other library to compare with: pip install cadquery-ocp")
+        print(
+            f"cadquery-ocp is not installed: measuring only {' and '.join(WITHOUT_OCCT)}",
+            file=sys.stderr,
+        )
         chosen = [name for name in chosen if name in WITHOUT_OCCT]
     rows, rates = [], []
     for name in chosen:
@@ -101,13 +104,16 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         description=first, epilog=rest, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--scene", nargs="+", default=[], help="which; default: all")
-    parser.add_argument("--quick", action="store_true", help="six poses a scene instead of 32")
-    parser.add_argument("--poses", type=int, metavar="N", help="so many poses a scene")
+    parser.add_argument("--scene", nargs="+", default=[], help="scenes to measure (default: all)")
+    parser.add_argument("--quick", action="store_true", help="six poses per scene instead of 32")
+    parser.add_argument("--poses", type=int, metavar="N", help="poses per scene")
     parser.add_argument(
-        "--budget", type=float, default=2.0, help="seconds a query of ours (%(default)s)"
+        "--budget",
+        type=float,
+        default=2.0,
+        help="time limit of one of our queries, seconds (%(default)s)",
     )
-    parser.add_argument("--out", type=Path, default=OUT, help="folder to write to (%(default)s)")
+    parser.add_argument("--out", type=Path, default=OUT, help="output folder (%(default)s)")
     return parser
 
 

@@ -34,7 +34,7 @@ def main(arguments: list[str] | None = None) -> None:
         description=__doc__.partition("\n")[0], epilog=__doc__.partition("\n")[2],
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )  # fmt: skip
-    parser.add_argument("--points", type=int, default=5000, help="how many (%(default)s)")
+    parser.add_argument("--points", type=int, default=5000, help="number of points (%(default)s)")
     count, rng = parser.parse_args(arguments).points, np.random.default_rng(1)
     wall = engine.Curve([[0.0, 0.0], [1.4, 0.6], [0.3, 1.2], [0.0, 2.0]])
     asked = {

@@ -47,7 +47,7 @@ _COPIES: dict[str, Callable[[np.ndarray, np.ndarray], Mesh]] = {
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line and return the exit status."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--quick", action="store_true", help="a few blocks of each scene")
+    parser.add_argument("--quick", action="store_true", help="only a few blocks of each scene")
     blocks = 4 if parser.parse_args(arguments).quick else 24
     others = list(_COPIES)[1:]
     columns = [

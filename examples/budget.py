@@ -24,7 +24,7 @@ def main() -> None:
             print(f"call {call}: {answer.lower:.6f} .. {answer.upper:.6f} m, {answer.status.value}")
         if answer.status is not engine.Status.OUT_OF_TIME:
             break
-    print(f"10 % suffice: {pair.distance(here, here, rel_err=0.1).status.value}")
+    print(f"within 10 %: {pair.distance(here, here, rel_err=0.1).status.value}")
 
 
 if __name__ == "__main__":

@@ -22,19 +22,19 @@ if TYPE_CHECKING:
 
 _INSTALL_SCENE = """\
 proximity_monitor scene needs packages that read scene files: {error}
-Install them beside this package, in the checkout:
+Install them together with this package, in the checkout:
     pip install '.[scene]'"""
 
 _INSTALL_ROS = """\
 proximity_monitor demo needs ROS 2's Python packages: {error}
-Either install their wheels beside this package, in the checkout:
+Either install their wheels together with this package, in the checkout:
     pip install '.[ros]'
 or, on a machine with ROS 2 Jazzy, source it first:
     . /opt/ros/jazzy/setup.sh"""
 
 _INSTALL_DISPLAY = """\
 proximity_monitor display needs viser and ROS 2's Python packages: {error}
-Either install both as wheels beside this package, in the checkout:
+Either install both as wheels together with this package, in the checkout:
     pip install '.[ros,display]'
 or, on a machine with ROS 2 Jazzy, source it first, and:
     pip install '.[nodes,display]'"""
@@ -65,7 +65,7 @@ def _bundled_scenes() -> str:
     try:
         from proximity_monitor.scene.opening import descriptions
     except ImportError as error:
-        return f"{_SCENES} unknown without {error.name}: pip install '.[scene]'"
+        return f"{_SCENES} listing them needs {error.name}: pip install '.[scene]'"
     said = descriptions()
     longest = max(map(len, said), default=0)
     return "\n".join([_SCENES, *(f"  {name:{longest}}  {said[name]}" for name in said)])
@@ -143,8 +143,8 @@ def _parser() -> argparse.ArgumentParser:
         formatter_class=_WithScenes,
         help="run monitor and player together and show the clearances live",
         description="Starts the monitor and the player that moves the scene's bodies, and shows"
-        " what the monitor publishes: a live table in a terminal, lines once a second elsewhere,"
-        " and a page in the browser, whose address it prints, to drag the parts."
+        " what the monitor publishes: a live table in a terminal, or lines once a second elsewhere."
+        " It also serves a page on which the parts can be dragged, and prints its address."
         " Ends on Ctrl-C, or after --seconds, with a summary.",
         epilog=f"{_SCENES}\n\nexample: proximity_monitor demo --scene engine --speed 0.25",
     )
@@ -159,7 +159,7 @@ def _parser() -> argparse.ArgumentParser:
         type=_positive,
         default=None,
         metavar="S",
-        help="end by itself S seconds after the first result",
+        help="stop S seconds after the first result",
     )
     demo.add_argument(
         "--speed",
@@ -168,29 +168,30 @@ def _parser() -> argparse.ArgumentParser:
         metavar="X",
         help="play the motion X times as fast (default: 1)",
     )
-    demo.add_argument("--no-page", action="store_true", help="do not serve the page in the browser")
+    demo.add_argument("--no-page", action="store_true", help="do not serve the browser page")
     demo.set_defaults(run=_demo, install=_INSTALL_ROS)
 
     display = commands.add_parser(
         "display",
         help="show a running monitor's scene in a browser",
-        description="Starts the page on which parts are dragged and clearances seen, and prints its"
-        " address. It hears a monitor that runs here or on another machine of the network. Ends on"
-        " Ctrl-C. There is no login: whoever reaches the address can move the bodies.",
+        description="Serves a page that shows the clearances and on which parts can be dragged, and"
+        " prints its address. It receives from a monitor on this machine or on another one in the"
+        " network. Ends on Ctrl-C. There is no login: anyone who can reach the address can move the"
+        " bodies.",
         epilog="example: proximity_monitor display --port 8080",
     )
     display.add_argument(
         "--host",
         default="127.0.0.1",
         metavar="ADDRESS",
-        help="listen on this address of this machine (default: 127.0.0.1, itself alone)",
+        help="address of this machine to listen on (default: 127.0.0.1, reachable only from it)",
     )
     display.add_argument(
         "--port",
         type=int,
         default=8080,
         metavar="N",
-        help="the first port to try; 0: any (default: 8080)",
+        help="the first port to try; 0: any free port (default: 8080)",
     )
     display.set_defaults(run=_display, install=_INSTALL_DISPLAY)
 
@@ -199,10 +200,10 @@ def _parser() -> argparse.ArgumentParser:
     scenes = scene.add_subparsers(title="commands", metavar="COMMAND")
     check = scenes.add_parser(
         "check",
-        help="say what is wrong with a scene file, or what is in it",
-        description="Reads a scene file with its models and what its motion needs, and says what is"
-        " wrong with them, or what is watched and moved. The exit code is 1 if the scene cannot be"
-        " used.",
+        help="check a scene file and list its contents",
+        description="Reads a scene file, its models, and what its motion needs. Prints what is"
+        " wrong with them or, if nothing is, what is watched and moved. The exit code is 1 if the"
+        " scene cannot be used.",
     )
     check.add_argument("scene", metavar="NAME|FILE", help="a scene file or a bundled scene")
     check.set_defaults(run=_check, install=_INSTALL_SCENE, told=(OSError, ValueError))
@@ -263,9 +264,9 @@ def _shape(model: engine.Model, unit: Unit) -> str:
     """Describe a model, its deviation, and whether it is a solid."""
     found = model.describe(lambda metres: f"{metres / unit.to_metre:.6g} {unit.symbol}")
     if 0.0 < model.deviation <= _ROUNDED * (math.hypot(*model.centre) + model.radius):
-        found += ", exact but for rounding"
+        found += ", exact except for rounding"
     elif model.deviation > 0.0:
-        found += f" within {model.deviation / unit.to_metre:.3g} {unit.symbol} of the thing"
+        found += f" within {model.deviation / unit.to_metre:.3g} {unit.symbol} of the part"
     return found + (", solid" if model.is_solid else ", a surface")
 
 

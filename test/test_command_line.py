@@ -105,14 +105,14 @@ def test_a_check_says_what_bodies_are_made_of(tmp_path, capsys):
     found = [line.rpartition(", moving")[0] for line in capsys.readouterr().out.splitlines()[1:8]]
     assert found == [
         "  body b0: sphere of radius 30 mm, solid",
-        "  body b1: 20 triangles within 3.43 mm of the thing, solid",
+        "  body b1: 20 triangles within 3.43 mm of the part, solid",
         "  body b2: capsule of radius 5 mm, solid",
         "  body b3: a profile of 3 curves, 6 control points up to 30 mm from the axis"
-        ", exact but for rounding, solid",
+        ", exact except for rounding, solid",
         "  body b4: a profile of 2 curves, 4 control points up to 30 mm from the axis"
-        ", exact but for rounding, solid",
+        ", exact except for rounding, solid",
         "  body b5: a profile of 1 curve, 9 control points up to 35 mm from the axis"
-        ", exact but for rounding, solid",
+        ", exact except for rounding, solid",
         "  body b6: 1 triangle, a surface",
     ]
 

@@ -214,7 +214,7 @@ def test_example_of_a_budget(run):
     bounds = np.array([re.findall(r"\d\.\d{6}", line) for line in calls], float)
     assert (np.diff(bounds[:, 0]) >= 0.0).all() and (np.diff(bounds[:, 1]) <= 0.0).all()
     assert calls[0].endswith("out of time") and calls[-1].endswith("exact")
-    assert tolerant == "10 % suffice: within tolerance"
+    assert tolerant == "within 10 %: within tolerance"
 
 
 def test_example_of_many_pairs(run):

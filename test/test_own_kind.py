@@ -72,13 +72,13 @@ def test_a_file_of_it_is_read_and_one_that_is_not_what_it_should_be_refused(file
     bad = file.parent / "bad.ball"
     for text, message in (
         ("1 2 x 4", r"bad\.ball: not a readable BALL file: ValueError: could not convert"),
-        ("0 0 0 -1", r"bad\.ball: ball: radius = -1.0: must be a number of metres"),
+        ("0 0 0 -1", r"bad\.ball: ball: radius = -1.0: must be from 0 to"),
     ):
         bad.write_text(text)
         with pytest.raises(engine.ModelError, match=message):
             engine.load(bad)
     monkeypatch.setitem(readers._READERS, ".ball", lambda *_: None)
-    with pytest.raises(engine.ModelError, match="its reader returned no model but NoneType"):
+    with pytest.raises(engine.ModelError, match="its reader returned NoneType, not a Model"):
         engine.load(bad)
     (file.parent / "a.cube").write_text("1")
     with pytest.raises(engine.ModelError, match=r"a\.cube: unknown extension .*\.stp, \.ball$"):

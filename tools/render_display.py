@@ -47,12 +47,12 @@ ADDRESS_PREFIX = "Drag the parts and see their clearances at "
 def main() -> int:
     """Draw all pictures; return 1 if there is no browser."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--chromium", default=shutil.which("chromium"), help="the browser's path")
-    parser.add_argument("--folder", type=Path, default=IMAGES, help="where the pictures go")
+    parser.add_argument("--chromium", default=shutil.which("chromium"), help="path of Chromium")
+    parser.add_argument("--folder", type=Path, default=IMAGES, help="output folder")
     parser.add_argument("--scene", help="only the pictures of this bundled scene")
     chosen = parser.parse_args()
     if chosen.chromium is None:
-        print("no Chromium on the PATH: name one by --chromium", file=sys.stderr)
+        print("Chromium is not on the PATH: give its path by --chromium", file=sys.stderr)
         return 1
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=chosen.chromium, args=FLAGS)
@@ -91,7 +91,7 @@ def start_demo(scene: str, speed: float) -> tuple[subprocess.Popen, str]:
         if line.startswith(ADDRESS_PREFIX):
             Thread(target=demo.stdout.read, daemon=True).start()  # a full pipe would stop the demo
             return demo, line.removeprefix(ADDRESS_PREFIX).strip()
-    raise RuntimeError("the demo ended without a page")
+    raise RuntimeError("the demo ended before it served a page")
 
 
 def press(page: Page, pair: str) -> None:

@@ -116,17 +116,23 @@ def main() -> int:
     )
     scene = "a bundled scene's name, or a scene file with a motion (engine)"
     parser.add_argument("--scene", default="engine", help=scene)
-    out = "the picture to write (docs/images/markers.png)"
+    out = "picture to write (docs/images/markers.png)"
     parser.add_argument("--out", type=Path, default=OUT, metavar="PNG", help=out)
     parser.add_argument(
-        "--azimuth", type=float, default=-106.0, help="of the eye, degrees from +x (%(default)g)"
+        "--azimuth",
+        type=float,
+        default=-106.0,
+        help="azimuth of the viewpoint, degrees from +x (%(default)g)",
     )
     parser.add_argument(
-        "--elevation", type=float, default=22.0, help="of the eye, degrees (%(default)g)"
+        "--elevation",
+        type=float,
+        default=22.0,
+        help="elevation of the viewpoint, degrees (%(default)g)",
     )
     labels = (
-        f"wait for so many, but at most {WAIT_S:g} s: the three nearest pairs have one, and all"
-        " that are not clear (%(default)d)"
+        f"wait for N labels, but at most {WAIT_S:g} s: the three nearest pairs and all pairs that"
+        " are not clear have one (%(default)d)"
     )
     parser.add_argument("--labels", type=int, default=4, metavar="N", help=labels)
     asked = parser.parse_args()

@@ -51,8 +51,8 @@ def main() -> None:
     parser.add_argument("--time", type=float, default=0.0, help="seconds into the motion")
     parser.add_argument("--out", type=Path, required=True, help="the picture to write (.png)")
     parser.add_argument("--pair", nargs=2, action="append", default=[], metavar=("A", "B"))
-    parser.add_argument("--azimuth", type=float, default=-74.0, help="of the eye, degrees")
-    parser.add_argument("--elevation", type=float, default=21.0, help="of the eye, degrees")
+    parser.add_argument("--azimuth", type=float, default=-74.0, help="of the viewpoint, degrees")
+    parser.add_argument("--elevation", type=float, default=21.0, help="of the viewpoint, degrees")
     parser.add_argument("--size", type=int, nargs=2, default=(1200, 800), metavar=("W", "H"))
     args = parser.parse_args()
 

@@ -23,7 +23,7 @@ def ring(radius: float, facets: int, *, around: bool = False, centre=(0.0, 0.0))
     polygon is symmetric about both axes.
     """
     if facets % 4:
-        raise ValueError(f"facets: {facets} is no multiple of four")
+        raise ValueError(f"facets = {facets}: must be a multiple of four")
     step = 2.0 * np.pi / facets
     angle = step * (np.arange(facets) + (0.5 if around else 0.0))
     reach = radius / np.cos(0.5 * step) if around else radius

@@ -17,7 +17,7 @@ The study needs {name}. Install what it uses, in the checkout:
     pip install '.[study]'"""
 
 PARTS = {
-    "tolerance": "time and error really made, against the relative error asked for",
+    "tolerance": "time and actual error, against the requested relative error",
     "budget": "the gap between the bounds, against the time budget",
     "bounds": "what a test of two bounding volumes costs (1999 paper, Table 1)",
     "volumes": "six kinds of bounding volume on four applications (1999 paper, Tables 2 to 4)",
@@ -39,7 +39,7 @@ what is written:
   OUT/accuracy/PART.csv          the data of each part, as soon as a scene is measured
   OUT/images/accuracy_*.png      the figures
   OUT/accuracy.md                the page
-Nothing is written outside OUT. `--out docs` in a checkout renews the page that is kept there.
+Nothing is written outside OUT. `--out docs` in a checkout renews the page in `docs`.
 
 examples:
   {program} accuracy --quick                       all parts, under a minute
@@ -47,8 +47,9 @@ examples:
   {program} accuracy --part volumes --scene chain  one scene of one part
   {program} accuracy --render-only --out docs      page and figures again, from the data
 
-Ctrl-C keeps what was measured so far, and writes the page from it. The exit code is 0, 1 where an
-answer broke its certificate or the study cannot run, 2 for a wrong argument, 130 after Ctrl-C."""
+Ctrl-C keeps what was measured so far, and writes the page from it. The exit code is 0, 1 if an
+answer contradicts the exact one or the study cannot run, 2 for a wrong argument, and 130 after
+Ctrl-C."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -80,19 +81,19 @@ def _parser() -> argparse.ArgumentParser:
         "accuracy",
         help="what accuracy costs in time: data, figures and a page",
         description="Measures what accuracy costs in time and writes a CSV file for each part, "
-        "figures, and a page. Every answer is held against the exact one.",
+        "figures, and a page. Every answer is compared with the exact one.",
         epilog=_EPILOG.format(parts=listing, program=_PROGRAM),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     accuracy.add_argument(
-        "--quick", action="store_true", help="few queries: under a minute instead of some ten"
+        "--quick", action="store_true", help="few queries: under a minute instead of two"
     )
     accuracy.add_argument(
         "--out",
         type=Path,
         default=Path("build/accuracy"),
         metavar="DIR",
-        help="folder to write to, made if need be (default: %(default)s)",
+        help="folder to write to, created if missing (default: %(default)s)",
     )
     accuracy.add_argument(
         "--part",
@@ -100,26 +101,26 @@ def _parser() -> argparse.ArgumentParser:
         choices=PARTS,
         default=[],
         metavar="PART",
-        help="measure these parts alone; data of others that lies in OUT stays on the page",
+        help="measure only these parts; the page keeps the data of other parts in OUT",
     )
     accuracy.add_argument(
         "--scene",
         nargs="+",
         default=[],
         metavar="SCENE",
-        help="measure these scenes or families of scenes alone, in the parts that have them",
+        help="measure only these scenes or families of scenes, in the parts that have them",
     )
     accuracy.add_argument(
         "--data",
         type=Path,
         metavar="DIR",
         help="folder that holds the folder falling_tori, the 1999 paper's own data; without it a"
-        " generated scene takes its place (default: PROXIMITY_MONITOR_DATA, or ../shared/data)",
+        " generated scene is used instead (default: PROXIMITY_MONITOR_DATA, or ../shared/data)",
     )
     accuracy.add_argument(
         "--render-only",
         action="store_true",
-        help="measure nothing; page and figures from the data in OUT",
+        help="measure nothing; write the page and figures from the data in OUT",
     )
     return parser
 
@@ -156,8 +157,8 @@ def _rendered(out: Path, render: Callable[[], Path]) -> int:
     """Write the page and its figures again from the data in `out`; return the exit code."""
     if not any((out / "accuracy").glob("*.csv")):
         print(
-            f"--render-only: no data in {out / 'accuracy'}; measure first, or name the folder that "
-            "was measured into by --out",
+            f"--render-only: no data in {out / 'accuracy'}; measure first, or pass the folder "
+            "that has the data by --out",
             file=sys.stderr,
         )
         return 1

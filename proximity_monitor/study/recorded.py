@@ -34,7 +34,7 @@ def find_falling_tori(data: Path | None, usual: Path) -> Path | None:
     if folder.is_dir():
         return folder
     if given:
-        raise FileNotFoundError(f"{given}: holds no folder 'falling_tori'")
+        raise FileNotFoundError(f"{given}: has no folder 'falling_tori'")
     return None
 
 
@@ -60,7 +60,7 @@ def _triples(file: Path, many: int) -> NDArray[np.float64]:
     try:
         return np.array(file.read_text().split()[1:], float).reshape(-1, many, 3)
     except (OSError, ValueError) as error:
-        raise RecordedDataError(f"{file}: does not read as rows of numbers: {error}") from error
+        raise RecordedDataError(f"{file}: cannot be read as rows of numbers: {error}") from error
 
 
 def _welded(corners: NDArray[np.float64]) -> Mesh:

@@ -211,7 +211,7 @@ def test_a_cut_search_goes_on_only_with_the_same_question():
         ({"pairs": [[0.5, 1.0]]}, "expected integers"),
         ({"pairs": [0, 1]}, r"expected integers \(k, 2\)"),
         ({"poses": np.eye(4)}, "poses: shape"),
-        ({"poses": np.tile(np.eye(4), (3, 1, 1))}, "3 poses of 24 bodies"),
+        ({"poses": np.tile(np.eye(4), (3, 1, 1))}, "poses: 3 poses for 24 bodies"),
         ({"rel_err": -0.1}, r"rel_err\[0\] = -0.1"),
         ({"abs_err": [0.0, np.nan]}, r"abs_err\[1\] = nan"),
         ({"clearance": -1.0}, r"clearance\[0\] = -1.0"),
@@ -236,7 +236,7 @@ def test_a_bad_pose_of_a_pair_is_named_and_of_others_does_not_matter():
 
 
 def test_an_assembly_needs_a_body():
-    with pytest.raises(ValueError, match="models: there are none"):
+    with pytest.raises(ValueError, match="models: must not be empty"):
         engine.Assembly([])
 
 

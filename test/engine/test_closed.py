@@ -153,15 +153,15 @@ OPEN = {
     "an edge": (replaced(bulging), "do not close up: [248] open edges"),
     "a weight": (replaced(heavier), "do not close up: [248] open edges"),
     "half missing": (replaced(lambda part: halves(part, 0.5)[0]), "do not close up: 4 open edges"),
-    "a side out": (replaced(swapped, 1), "of unlike orientation at 8 edges"),
+    "a side out": (replaced(swapped, 1), "opposite orientations at 8 edges"),
     "twice": (cube() + cube()[:1], "do not close up: 4 open edges"),
-    "curves alone": ([curve(1)], "it consists of curves alone"),
+    "curves alone": ([curve(1)], "it consists only of curves"),
 }
 
 
 @pytest.mark.parametrize("patches, message", OPEN.values(), ids=OPEN)
 def test_patches_that_do_not_are_refused(patches, message):
-    with pytest.raises(ModelError, match=f"case: no solid: .*{message}"):
+    with pytest.raises(ModelError, match=f"case: not a solid: .*{message}"):
         ParametricSurface(patches, name="case", solid=True)
     assert not ParametricSurface(patches).is_solid
 
@@ -176,7 +176,7 @@ def test_what_tears_when_it_is_deformed_stays_as_it_was():
     digest = model.digest()
     points = model.control_points.copy()
     points[3] += 0.01
-    with pytest.raises(ModelError, match="surface: no solid: its patches do not close up"):
+    with pytest.raises(ModelError, match="surface: not a solid: its patches do not close up"):
         model.deform(points)
     assert (model.digest(), model.revision) == (digest, 0)
     assert ParametricSurface(torus_patches()).deform(points) > 0.0

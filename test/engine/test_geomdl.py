@@ -96,7 +96,7 @@ def test_what_is_written_comes_back(tmp_path, model):
 
 def test_what_has_no_place_in_a_file_is_refused(tmp_path):
     file = tmp_path / "made.json"
-    with pytest.raises(ModelError, match="surface: a geomdl JSON file holds either patches or cur"):
+    with pytest.raises(ModelError, match="surface: has patches and curves"):
         engine.save_geomdl(engine.ParametricSurface([patch(1), curve(1)]), file)
     with pytest.raises(TypeError, match="expected a parametric surface, got TriangleMesh"):
         engine.save_geomdl(engine.points([[0.0, 0.0, 0.0]]), file)
@@ -122,30 +122,33 @@ def without(key):
 
 POINTS = tree()["shape"]["data"][0]["control_points"]["points"]
 BAD = {
-    "no JSON": (b"{]", "its JSON is damaged"),
-    "infinite": (b'{"shape": Infinity}', "Infinity is no number"),
+    "no JSON": (b"{]", "invalid JSON"),
+    "infinite": (b'{"shape": Infinity}', "Infinity is not a number"),
     "another JSON": ([1, 2], "shape is missing"),
     "no type": ({"shape": {}}, "shape.type is missing"),
-    "volume": ({"shape": {"type": "volume"}}, "shape.type = 'volume': read are 'curve' and"),
+    "volume": ({"shape": {"type": "volume"}}, "shape.type = 'volume': must be 'curve' or"),
     "no data": ({"shape": {"type": "curve", "data": {}}}, "shape.data: expected list, got dict"),
-    "empty": ({"shape": {"type": "curve", "data": []}}, "patches: there are none"),
+    "empty": ({"shape": {"type": "curve", "data": []}}, "patches: must not be empty"),
     "no object": ({"shape": {"type": "curve", "data": [3]}}, r"shape.data\[0\]: expected an obj"),
-    "trims": (tree(trims={"count": 1}), r"shape.data\[0\].trims: trimmed surfaces are not read"),
+    "trims": (tree(trims={"count": 1}), r"shape.data\[0\].trims: trimmed surfaces are not supp"),
     "no degree": (without("degree_v"), r"shape.data\[0\].degree_v is missing"),
     "no knots": (without("knotvector_u"), r"data\[0\].knotvector_u is missing"),
     "a true degree": (tree(degree_u=True), "degree_u: expected int, got bool"),
-    "sizes": (tree(size_u=3), "control_points.points: 4, but size_u and size_v say 3 times 2"),
-    "degree": (tree(degree_u=2), "knotvector_u: 4 knots; 2 control points of degree 2 have 5"),
-    "text": (tree(knotvector_u=["a"] * 4), "knotvector_u: not numbers alone"),
+    "sizes": (tree(size_u=3), "points: 4 points, but size_u and size_v require 3 x 2"),
+    "degree": (tree(degree_u=2), "4 knots, but 2 control points of degree 2 need 5"),
+    "text": (tree(knotvector_u=["a"] * 4), "knotvector_u: must contain only numbers"),
     "flat": (tree(control_points={"points": [1, 2, 3, 4]}), r"points: shape \(4,\), expected 2"),
-    "rows": (tree(control_points={"points": [[1, 2, 3], [1, 2]]}), "points: rows of unlike lengt"),
+    "rows": (
+        tree(control_points={"points": [[1, 2, 3], [1, 2]]}),
+        "points: the rows have different",
+    ),
     "two columns": (
         tree(control_points={"points": [row[:2] for row in POINTS]}),
         r"shape.data\[0\]: control: shape \(2, 2, 2\)",
     ),
     "few weights": (
         tree(control_points={"points": POINTS, "weights": [1.0]}),
-        "control_points.weights: 1, but there are 4 points",
+        "control_points.weights: 1 weights for 4 points",
     ),
     "a bad weight": (
         tree(control_points={"points": POINTS, "weights": [1, 1, 0, 1]}),
@@ -159,7 +162,7 @@ BAD = {
         tree() | {"shape": tree()["shape"] | {"count": 2}},
         "shape.count = 2, but shape.data has 1",
     ),
-    "both": (tree() | {"revolution": {}}, "both a shape and a revolution"),
+    "both": (tree() | {"revolution": {}}, "both 'shape' and 'revolution'"),
     "overflow": (
         tree(control_points={"points": [[1e300] * 3] * 4}),
         r"shape.data\[0\]: control\[0\]\[0\] = .* at most 1e\+45",
@@ -179,8 +182,8 @@ def test_a_file_that_is_wrong_is_refused_by_its_name_and_key(tmp_path, content, 
 @pytest.mark.parametrize(
     "how, message",
     [
-        ({"volume": "obb"}, "volume = 'obb': parametric surfaces have"),
-        ({"solid": "robust"}, "solid = 'robust': that is for meshes"),
+        ({"volume": "obb"}, "volume = 'obb': must be 'rss'"),
+        ({"solid": "robust"}, "solid = 'robust': only for meshes"),
     ],
 )
 def test_what_surfaces_do_not_take_is_refused(tmp_path, how, message):

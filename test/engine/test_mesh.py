@@ -31,7 +31,7 @@ def with_vertex(index, vertex):
         (with_vertex(3, [0.0, 0.0, -math.inf]), r"vertices\[3\] .*finite"),
         (with_vertex(1, [1e46, 0.0, 0.0]), r"vertices\[1\] .*at most 1e\+45 m"),
         ([], "vertices: shape"),
-        (np.empty((0, 3)), "vertices: there are none"),
+        (np.empty((0, 3)), "vertices: must not be empty"),
         ([[0.0, 0.0]] * 4, r"vertices: shape \(4, 2\), expected \(n, 3\)"),
         (np.zeros((4, 3, 1)), r"vertices: shape \(4, 3, 1\)"),
         ([0.0, 0.0, 0.0], r"vertices: shape \(3,\)"),
@@ -49,12 +49,12 @@ def test_bad_vertices(vertices, message):
 @pytest.mark.parametrize(
     ("faces", "message"),
     [
-        ([[0, 1, 2], [0, 1, 4]], r"faces\[1\] = \[0, 1, 4\]: names no vertex; there are 4"),
+        ([[0, 1, 2], [0, 1, 4]], r"faces\[1\] = \[0, 1, 4\]: not all are vertices; there are 4"),
         ([[0, -1, 2]], r"faces\[0\] = \[0, -1, 2\]"),
         (np.array([[0, 1, 2**40]]), r"faces\[0\]"),
         (np.array([[0, 1, 2**63]], dtype=np.uint64), r"faces\[0\]"),
-        ([], "faces: there are none"),
-        (np.empty((0, 3), dtype=int), "faces: there are none"),
+        ([], "faces: must not be empty"),
+        (np.empty((0, 3), dtype=int), "faces: must not be empty"),
         ([[0, 1, 2, 3]], r"faces: shape \(1, 4\), expected \(m, 3\)"),
         ([0, 1, 2], r"faces: shape \(3,\)"),
         ([[0.0, 1.0, 2.0]], "faces: dtype float64, expected integers"),
@@ -176,7 +176,7 @@ def test_a_polyline_is_a_model():
 def test_bad_points_are_refused(make):
     with pytest.raises(ModelError, match=r"vertices\[1\]"):
         make([[0.0, 0.0, 0.0], [0.0, math.nan, 0.0]])
-    with pytest.raises(ModelError, match="there are none"):
+    with pytest.raises(ModelError, match="must not be empty"):
         make(np.empty((0, 3)))
     with pytest.raises(ModelError, match="shape"):
         make([0.0, 0.0, 0.0])

@@ -197,10 +197,10 @@ def test_written_and_read(tmp_path):
     [
         ({"profile": 3}, r"revolution.profile: expected list, got int"),
         ({"profile": [3]}, r"revolution.profile\[0\]: expected an object"),
-        ({"axis": {"direction": [0, 0, 0]}}, "axis = .* has no length"),
-        ({"axis": {"origin": ["x"]}}, "revolution.axis.origin: not numbers"),
+        ({"axis": {"direction": [0, 0, 0]}}, "axis = .* must not be the zero vector"),
+        ({"axis": {"origin": ["x"]}}, "revolution.axis.origin: must contain only numbers"),
         ({"axis": []}, "revolution.axis: expected dict, got list"),
-        ({"profile": []}, "there are none"),
+        ({"profile": []}, "must not be empty"),
     ],
 )
 def test_files_that_are_refused(tmp_path, change, message):
@@ -224,7 +224,7 @@ LINE = Curve([[0, 0], [1, 0]])
 @pytest.mark.parametrize(
     ("curves", "message"),
     [
-        ([], "there are none"),
+        ([], "must not be empty"),
         ([box()], r"curves\[0\]: expected Curve"),
         ([LINE], "no area|off the axis"),
         ([Curve([[0, 0], [1, 0], [1, 1]])], "ends at .* off the axis"),
@@ -261,9 +261,9 @@ def test_walls_may_be_thin():
 
 
 def test_refused_axis():
-    with pytest.raises(ModelError, match="has no length"):
+    with pytest.raises(ModelError, match="must not be the zero vector"):
         ball(axis=(0, 0, 0))
-    with pytest.raises(ModelError, match="three finite metres"):
+    with pytest.raises(ModelError, match="three finite numbers"):
         ball(origin=(0, math.nan, 0))
 
 

@@ -273,11 +273,11 @@ def test_random_profiles_against_samples():
 def test_a_curve_that_is_torn_within():
     torn = Curve([[0, 0], [1, 0], [1.5, 1], [0, 1]], [0, 0, 1, 1, 2, 2])
     with pytest.raises(
-        ModelError, match=r"curves\[0\]: is torn at t = 1: .* 1.12 m from .*\[1.0, 0"
+        ModelError, match=r"curves\[0\]: is discontinuous at t = 1: .* 1.12 m from .*\[1.0, 0"
     ):
         SolidOfRevolution([torn])
     whole = SolidOfRevolution([Curve([[0, 0], [1, 0], [1, 0], [0, 1]], [0, 0, 1, 1, 2, 2])])
-    with pytest.raises(ModelError, match="is torn"):
+    with pytest.raises(ModelError, match="is discontinuous"):
         whole.deform(torn.control_points[:, :2])
     assert whole.revision == 0
 
@@ -344,7 +344,7 @@ def test_what_deform_is_given_back_far_from_the_origin():
 
 def test_what_are_no_curves_and_no_sizes():
     for given in (LINE, None, 3):
-        with pytest.raises(ModelError, match="curves: expected a list of them"):
+        with pytest.raises(ModelError, match="curves: expected a list of curves"):
             SolidOfRevolution(given)
     made = SolidOfRevolution(polyline([0, 0], [1, 0], [1, 1], [0, 1]))
     with pytest.raises(ModelError, match=r"control_points\[0\] = \[inf"):

@@ -214,7 +214,7 @@ def test_cylinders_cones_and_tori_from_dimensions():
     assert (flat.name, flat.is_solid) == ("skin", False)
     assert flat.deviation == pytest.approx(0.1)
     for how in ({"volume": "pss"}, {"solid": "robust"}):
-        with pytest.raises(ModelError, match="are for meshes"):
+        with pytest.raises(ModelError, match="are only for meshes"):
             shapes.cylinder(1.0, 1.0, **how)
     with pytest.raises(ModelError, match="crosses the axis"):
         shapes.torus(1.0, 1.5)

@@ -225,14 +225,14 @@ def test_points_that_stay_the_nearest_do_not_drift_however_often_searches_are_cu
 
 def test_as_many_answers_as_queries_and_bodies_as_bodies_are_asked_for(watched):
     watched.update()
-    with pytest.raises(ValueError, match="0 answers to 66 queries"):
+    with pytest.raises(ValueError, match="0 answers, expected 66"):
         watched.schedule.commit(
             watched.schedule.queries(watched.schedule.order()),
             np.empty((0, index.ANSWER)),
             perf_counter(),
         )
     few = engine.Assembly([SMALL["torus"]])
-    with pytest.raises(ValueError, match="of 1 bodies, the answers of 12"):
+    with pytest.raises(ValueError, match="has 1 bodies, but the answers are about 12"):
         Schedule(watched.answers, few)
 
 

@@ -62,7 +62,9 @@ def test_a_part_is_placed_scaled_and_mirrored():
     ball = shapes.compound([shapes.Part(shapes.sphere(0.5), pose, (2.0, 2.0, -2.0))])
     found = engine.distance(ball, HERE, shapes.points([[13.0, 0.0, 0.0]]), HERE)
     assert found.lower <= 2.0 <= found.upper and ball.deviation == 0.0
-    with pytest.raises(engine.ModelError, match=r"compound: sphere: .*all factors must be alike"):
+    with pytest.raises(
+        engine.ModelError, match=r"compound: sphere: .*all factors must have the same"
+    ):
         shapes.compound([shapes.Part(shapes.sphere(0.5), pose, (2.0, 2.0, 1.0))])
 
 
@@ -170,9 +172,11 @@ def test_patches_make_one_surface_and_none_with_meshes():
     np.testing.assert_array_equal(second.min(axis=0), (3.0, 5.0, 5.0))
     np.testing.assert_array_equal(second.max(axis=0), (5.0, 6.0, 5.0))
     assert (made.display_mesh(0.0).normals == (0.0, 0.0, 1.0)).all()
-    with pytest.raises(engine.ModelError, match="compound: lid: a parametric surface, which makes"):
+    with pytest.raises(
+        engine.ModelError, match="compound: lid: a parametric surface, which cannot"
+    ):
         shapes.compound([shapes.Part(shapes.box((1, 1, 1)), HERE), parts[0]])
-    with pytest.raises(engine.ModelError, match="volume and solid='robust' are for meshes"):
+    with pytest.raises(engine.ModelError, match="volume and solid='robust' are only for meshes"):
         shapes.compound(parts, volume="obb")
 
 

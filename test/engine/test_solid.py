@@ -43,7 +43,7 @@ def test_a_refit_that_tears_vertices_apart_is_noticed():
     assert model.is_solid
     model.deform(torn)
     assert model.not_solid.startswith("not watertight: 4 open edges")
-    with pytest.raises(engine.ModelError, match="soup: no solid: not watertight: 4 open edges"):
+    with pytest.raises(engine.ModelError, match="soup: not a solid: not watertight: 4 open edges"):
         must_be.deform(torn)
     assert np.array_equal(must_be.vertices, as_soup(CUBE).vertices)
     assert must_be.is_solid
@@ -103,7 +103,7 @@ REFUSED = {
     "one face turned": (
         CUBE.vertices,
         np.concatenate((CUBE.faces[:1, ::-1], CUBE.faces[1:])),
-        r"unlike orientation at 3 edges, the first between",
+        r"opposite orientations at 3 edges, the first between",
     ),
     "flat": (CUBE.vertices, [CUBE.faces[0], CUBE.faces[0][::-1]], r"encloses no volume"),
     "points": (CUBE.vertices, [[0, 0, 0]], r"none of its faces has an area"),
@@ -116,14 +116,14 @@ def test_what_is_no_solid_is_a_surface_and_says_why(vertices, faces, message):
     surface = engine.TriangleMesh(vertices, faces, name="bracket")
     assert not surface.is_solid
     assert re.search(message, surface.not_solid)
-    with pytest.raises(engine.ModelError, match=f"^bracket: no solid: .*{message}.*'robust'"):
+    with pytest.raises(engine.ModelError, match=f"^bracket: not a solid: .*{message}.*'robust'"):
         engine.TriangleMesh(vertices, faces, name="bracket", solid=True)
 
 
 def test_a_surface_is_one_because_it_is_told_so():
     told = engine.TriangleMesh(CUBE.vertices, CUBE.faces, solid=False)
     assert not told.is_solid
-    assert told.not_solid == "it is to be taken for a surface (solid=False)"
+    assert told.not_solid == "it is set to be a surface (solid=False)"
     assert CUBE.is_solid
     assert CUBE.not_solid == ""
 
@@ -142,7 +142,7 @@ def test_a_file_says_the_same(tmp_path):
     assert not engine.load(path).is_solid
     assert engine.load(path, solid="robust").is_solid
     with pytest.raises(
-        engine.ModelError, match=r"open.stl: no solid: not watertight: 3 open edges"
+        engine.ModelError, match=r"open.stl: not a solid: not watertight: 3 open edges"
     ):
         engine.load(path, solid=True)
 

@@ -227,7 +227,7 @@ def test_damaged_files_are_refused(tmp_path):
     text = GEARBOX.read_bytes()
     for name, data, why in (
         ("cut.step", text[: len(text) // 2], "truncated"),
-        ("other.step", b"solid x\nendsolid x\n", "no STEP file"),
+        ("other.step", b"solid x\nendsolid x\n", "not a STEP file"),
         ("lost.step", text.replace(b"PLANE('',#", b"PLANE('',#9999", 3), "which is missing"),
         ("none.step", b"ISO-10303-21;\nEND-ISO-10303-21;\n", "cannot read"),
     ):
@@ -244,7 +244,7 @@ def test_other_files_have_no_parts(tmp_path):
     with pytest.raises(engine.ModelError, match="no parts"):
         engine.load(file, part="a")
     assert engine.load_placements(file) == []
-    with pytest.raises(engine.ModelError, match="there is none; there are 'housing'"):
+    with pytest.raises(engine.ModelError, match="no such part; the file has 'housing'"):
         engine.load(GEARBOX, part="lid")
 
 
@@ -313,7 +313,7 @@ def test_a_part_that_is_open_stays_a_surface_and_says_why(tmp_path):
     part = engine.load(written(lid, tmp_path / "open.step"))
     assert not part.is_solid
     assert "4 open edges" in part.not_solid
-    with pytest.raises(engine.ModelError, match=r"open\.step: no solid: .* 4 open edges"):
+    with pytest.raises(engine.ModelError, match=r"open\.step: not a solid: .* 4 open edges"):
         engine.load(tmp_path / "open.step", solid=True)
 
 

@@ -83,8 +83,8 @@ DAMAGED = {
         (r"(ADVANCED_BREP[\s\S]*?UNIT_ASSIGNED_CONTEXT\(\(#\d+),#\d+", r"\1"),
         "no units of angle",
     ),
-    "twice": ((r"#2 = ", "#1 = "), "#1 stands for two statements"),
-    "parameters": ((r"(#\d+) = PLANE\('',", r"\1 = PLANE("), r"#\d+: .*: it is damaged"),
+    "twice": ((r"#2 = ", "#1 = "), "#1 is defined twice"),
+    "parameters": ((r"(#\d+) = PLANE\('',", r"\1 = PLANE("), r"#\d+ is damaged: "),
     "another type": (
         (r"ITEM_DEFINED_TRANSFORMATION\('','',#\d+", "ITEM_DEFINED_TRANSFORMATION('','',#2"),
         r"#\d+: .*type.*: it is damaged",
@@ -94,7 +94,7 @@ DAMAGED = {
         r"part '.*': nothing says where its occurrence",
     ),
     "a face of another kind": (
-        (r"ADVANCED_FACE\('',\(#\d+\),#\d+", "FACE_SURFACE('',(#11),#11"), "it is damaged",
+        (r"ADVANCED_FACE\('',\(#\d+\),#\d+", "FACE_SURFACE('',(#11),#11"), "is damaged",
     ),
     "a solid": (
         (r"= MANIFOLD_SOLID_BREP\('',#\d+\)", "= BLOCK('',#11,1.,1.,1.)"),
@@ -162,7 +162,7 @@ def test_a_part_that_has_a_document_in_place_of_a_shape_is_refused(tmp_path, tex
     )
     if documented:
         file = added(text, wheel + "#9006 = APPLIED_DOCUMENT_REFERENCE(#9004,'',(#9002));\n")
-        with pytest.raises(engine.ModelError, match="part 'wheel' has a document in place of a"):
+        with pytest.raises(engine.ModelError, match="part 'wheel' has a document instead of a"):
             load(tmp_path, file)
     else:
         assert len(load(tmp_path, added(text, wheel)).nets) == 15

@@ -40,9 +40,9 @@ BAD = {
     "no numbers": (lambda: Patch("x"), "patch: control: not an array of numbers"),
     "flat control": (lambda: Patch(NET[0]), r"patch: control: shape \(5, 3\), expected \(n_u, n_v"),
     "planar patch": (lambda: Patch(NET[..., :2]), r"patch: control: shape \(4, 5, 2\)"),
-    "one row": (lambda: Patch(NET[:1]), "patch: knots_u: there are none, so 1 control points"),
-    "no row": (lambda: Patch(NET[:0]), "patch: knots_u: there are none, so 0 control points"),
-    "too many": (lambda: Patch(np.zeros((17, 2, 3))), "knots_u: there are none, so 17 .* 2 to 16"),
+    "one row": (lambda: Patch(NET[:1]), "patch: knots_u: None means .* not 1"),
+    "no row": (lambda: Patch(NET[:0]), "patch: knots_u: None means .* not 0"),
+    "too many": (lambda: Patch(np.zeros((17, 2, 3))), "knots_u: None means .* 2 to 16 .* not 17"),
     "NaN": (
         lambda: Patch(changed(NET, (1, 2, 0), NAN)),
         r"patch: control\[1\]\[2\] = \[nan, .*: every coordinate must be finite",
@@ -61,15 +61,15 @@ BAD = {
     ),
     "too few knots": (
         lambda: Patch(NET, LINE[:5]),
-        "knots_u: 5 for 4 control points, whose degree would be 0 .*must be 1 to 15",
+        "knots_u: 5 knots for 4 control points give degree 0 .*must be 1 to 15",
     ),
     "too many knots": (
         lambda: Patch(NET, [0.0] * 9 + [1.0]),
-        "knots_u: 10 for 4 control points, whose degree would be 5; .*at least 6",
+        "knots_u: 10 knots for 4 control points give degree 5, .*at least 6",
     ),
     "degree 16": (
         lambda: Curve(np.zeros((20, 3)), np.arange(37.0)),
-        "curve: knots: 37 .* degree would be 16",
+        "curve: knots: 37 .* give degree 16",
     ),
     "no domain": (
         lambda: Patch(NET, [0.0, 1.0, 1.0, 1.0, 1.0, 2.0, 3.0]),
@@ -78,7 +78,7 @@ BAD = {
     "knots in rows": (lambda: Patch(NET, [LINE]), r"knots_u: shape \(1, 7\), expected \(n,\)"),
     "too wide": (
         lambda: Patch(NET, [-1.7e308, -1e308, 0.0, 1.0, 2.0, 1e308, 1.7e308]),
-        "knots_u: from -1.7e.308 to 1.7e.308 is farther",
+        "knots_u: the range from -1.7e.308 to 1.7e.308 overflows",
     ),
     "weights' shape": (
         lambda: Patch(NET, weights=np.ones((5, 4))),
@@ -100,8 +100,8 @@ BAD = {
         lambda: Curve(NET[0], weights=[1, 1, 1e-60, 1, 1]),
         r"curve: weights\[2\] = 1e-60: must be at least 1e-50 of the largest",
     ),
-    "deviation": (lambda: Patch(NET, deviation=-1.0), "patch: deviation = -1.0: must be a number"),
-    "nothing": (lambda: ParametricSurface([]), "surface: patches: there are none"),
+    "deviation": (lambda: Patch(NET, deviation=-1.0), "patch: deviation = -1.0: must be from 0 to"),
+    "nothing": (lambda: ParametricSurface([]), "surface: patches: must not be empty"),
     "a mesh": (
         lambda: ParametricSurface([Patch(NET), engine.points([[0, 0, 0]])]),
         r"surface: patches\[1\]: expected Patch or Curve, got TriangleMesh",
@@ -243,7 +243,7 @@ def test_no_point_moves_farther_than_deform_says(name):
 @pytest.mark.parametrize(
     "points, message",
     [
-        (NET.reshape(-1, 3)[:-1], "patch: control_points: 19 given, but there are 20"),
+        (NET.reshape(-1, 3)[:-1], "patch: control_points: 19 given, expected 20"),
         (NET, r"patch: control_points: shape \(4, 5, 3\)"),
         (changed(NET.reshape(-1, 3), (7, 1), NAN), r"patch: control_points\[7\] = .*finite"),
     ],

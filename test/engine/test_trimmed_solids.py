@@ -141,7 +141,7 @@ def test_loops_must_not_cross():
         assert "cross or touch" in examine(Trim(loops, *UNIT)).reason
     whole = cube()
     whole[2] = engine.Patch(whole[2].control, trim=Trim(two, *UNIT))
-    with pytest.raises(ModelError, match="no solid: patch 2: its loops cross or touch"):
+    with pytest.raises(ModelError, match="not a solid: patch 2: its trimming loops cross"):
         ParametricSurface(whole, solid=True)
 
 

@@ -41,8 +41,8 @@ def check(where: str, answers: Timed, exact: Timed, rel_err: float | None = None
     if broken.any():
         i = int(np.flatnonzero(broken)[0])
         raise BrokenCertificateError(
-            f"{where}: query {i}: [{lower[i]!r}, {upper[i]!r}] m against the exact "
-            f"[{true_lower[i]!r}, {true_upper[i]!r}] m, relative error asked for: {rel_err}; "
+            f"{where}: query {i}: [{lower[i]!r}, {upper[i]!r}] m contradicts the exact "
+            f"[{true_lower[i]!r}, {true_upper[i]!r}] m (requested relative error: {rel_err}); "
             f"{int(broken.sum())} of {len(broken)} queries"
         )
 

@@ -84,7 +84,7 @@ def check(where: str, course: Course) -> None:
     for lower, upper in zip(course.lower, course.upper, strict=True):
         if not (lower <= course.upper[-1] and course.lower[-1] <= upper):
             raise BrokenCertificateError(
-                f"{where}: [{lower!r}, {upper!r}] m on the way to "
+                f"{where}: [{lower!r}, {upper!r}] m contradicts the last "
                 f"[{course.lower[-1]!r}, {course.upper[-1]!r}] m"
             )
     lost = _ROUNDING * course.upper[-1]
@@ -92,7 +92,7 @@ def check(where: str, course: Course) -> None:
         pairwise(course.lower), pairwise(course.upper), strict=True
     ):
         if later < low - lost or now > high:
-            raise BrokenCertificateError(f"{where}: bounds that were known are lost")
+            raise BrokenCertificateError(f"{where}: bounds are wider than those before")
 
 
 def _row(courses: list[Course], k: int) -> dict[str, float]:

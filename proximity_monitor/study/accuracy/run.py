@@ -90,7 +90,7 @@ def plan(makers: Makers, parts: Sequence[str], wanted: Sequence[str]) -> Plan:
     for name in wanted:
         if not any(_asked(each, [name]) for each in offered):
             known = ", ".join(dict.fromkeys(offered))
-            raise ValueError(f"--scene {name}: no chosen part has it; there are {known}")
+            raise ValueError(f"--scene {name}: not in the chosen parts; they have {known}")
     return chosen
 
 
@@ -126,8 +126,8 @@ def run(chosen: Plan, makers: Makers, out: Path, quick: bool, command: str) -> i
                     write_rows(out / "accuracy" / f"{part.name}.csv", rows)
                     note_run(out / "accuracy", part.name, command, quick)
     except BrokenCertificateError as error:
-        print(f"AN ANSWER BROKE ITS CERTIFICATE: {error}", file=sys.stderr)
-        print("No page was written; the data of the scenes before is kept.", file=sys.stderr)
+        print(f"AN ANSWER IS WRONG: {error}", file=sys.stderr)
+        print("No page was written; the data of earlier scenes is kept.", file=sys.stderr)
         return 1
     except RecordedDataError as error:
         print(f"--data or {VARIABLE}: {error}", file=sys.stderr)
