@@ -33,12 +33,13 @@ CHECKED = 20
 """Each tick compares this many listed pairs, and as many of all pairs, with exact distances."""
 
 NOTES = """\
-Times are milliseconds by the wall clock: of the whole tick, poses in to bounds out; `cpu` is the
-processor time of the calling thread. `near` pairs are within their range of 30 mm or may be, the
-others are certified farther; `searched` were not answered by their carried bounds, `left` are those
-that the budget did not reach or finish; `gap` is upper - lower of near pairs, mm. `first` is the
-first tick, which knows no pair yet. `wrong` counts bounds that do not contain the exact distance,
-of a sample of near and far pairs at every tick of a crowd, and at every hundredth of a pair.
+Times are wall-clock milliseconds of a whole tick, from poses to bounds; `cpu` is the processor time
+of the calling thread. `near` pairs are, or may be, within their range of 30 mm; the others are
+certainly farther. `searched` pairs were not answered by their carried bounds; `left` pairs were not
+reached or finished within the budget. `gap` is upper - lower of near pairs, in mm. `first` is the
+first tick, at which no pair is known yet. `wrong` counts bounds that do not contain the exact
+distance, in a sample of near and far pairs at every tick of a crowd, and at every hundredth tick of
+a pair.
 """
 
 

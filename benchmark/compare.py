@@ -30,11 +30,11 @@ TOLERATED = 1e-6
 OUT = Path(__file__).resolve().parents[1] / "build" / "benchmark"
 
 NOTES = """\
-Times are microseconds of processor time a query, medians; `10 %` is this engine at a relative error
-of 0.1, `batch` the mean of `engine.distances`. Ratios say how many times as long the peer's exact
-query takes: medians against medians, for `batch` and `means` means against means. `ideal` are the
-bound tests of searches that are given the distance beforehand: no search over the same hierarchies
-makes fewer that knows nothing of the poses before.
+Times are medians of the processor time of a query, in microseconds; `10 %` is this engine with a
+relative error of 0.1, `batch` is the mean of `engine.distances`. Ratios say how many times as long
+the other library's exact query takes. They compare medians, but means for `batch` and `means`.
+`ideal` counts the bound tests of a search that is given the distance beforehand. A search over the
+same hierarchies that knows nothing about earlier poses cannot make fewer.
 """
 
 

@@ -38,8 +38,8 @@ PQP / ours: how many times as long PQP takes as `engine.distances`, in blocks of
 that both answer in turn; the best of ROUNDS turns of each block, then all blocks together. PQP
 has its best of four settings: depth first or with a queue of 100, with or without its cached
 triangles. `within` asks about half the median distance, and about all of it. An opening bounds
-sixteen pairs of volumes; `/ ideal` are openings as a multiple of those of a search that is given
-the distance, for the same error.
+sixteen pairs of volumes; `/ ideal` is the number of openings divided by that of a search that is
+given the distance, for the same error.
 """
 
 SOURCES = ("PQP.cpp", "BV.cpp", "Build.cpp", "TriDist.cpp")

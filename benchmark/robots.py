@@ -44,11 +44,12 @@ QUICK = ("double_pendulum", "panda", "ur5_robot", "z1", "finger_edu")
 COLUMNS = "robot", "links", "pairs", "triangles", "answers", "wrong", "missed", "widest", "s"
 
 NOTES = """\
-`answers` are pairs of links times configurations; `wrong` are those whose bounds do not hold the
-distance that pinocchio and coal find, or that contradict them on contact; `missed` are those among
-them that say clear where there is contact; `widest` is the greatest width of the bounds of a pair
-that is apart (mm): what meshes that stand for cylinders may deviate. All joints stand at random
-between their limits (half a turn or a metre about 0 where they have none).
+`answers` is the number of pairs of links times the number of configurations. `wrong` counts answers
+whose bounds do not contain the distance that pinocchio and coal find, or that contradict them on
+contact; `missed` counts those among them that say clear although there is contact. `widest` is the
+greatest width (mm) of the bounds of a pair that is apart; it comes from the deviation of meshes
+that represent cylinders. Joints are at random positions between their limits, or within half a turn
+or a metre about 0 if they have none.
 """
 
 

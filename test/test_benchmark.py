@@ -71,7 +71,7 @@ def test_unknown_scene_is_refused_with_the_known_ones(tmp_path):
 def test_a_folder_without_pqp_is_refused(tmp_path):
     done = compare("--pqp", str(tmp_path), "--out", str(tmp_path))
     assert done.returncode == 1
-    assert done.stderr.startswith("--pqp: no source of PQP: ")
+    assert done.stderr.startswith("--pqp: missing sources of PQP: ")
     assert str(tmp_path / "PQP.cpp") in done.stderr
 
 

@@ -114,7 +114,7 @@ def _parser() -> argparse.ArgumentParser:
         "--data",
         type=Path,
         metavar="DIR",
-        help="folder that holds the folder falling_tori, the 1999 paper's own data; without it a"
+        help="folder that contains falling_tori, the 1999 paper's own data; without it a"
         " generated scene is used instead (default: PROXIMITY_MONITOR_DATA, or ../shared/data)",
     )
     accuracy.add_argument(

@@ -185,7 +185,7 @@ def holed(vertices):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda v: v[:-1], r"torus: vertices: 287 given, but the faces are over 288"),
+        (lambda v: v[:-1], r"torus: vertices: 287 given, expected 288"),
         (lambda v: v[:, :2], r"torus: vertices: shape \(288, 2\), expected \(n, 3\)"),
         (holed, r"torus: vertices\[7\] = \["),
         (lambda v: v * 1e46, r"torus: vertices\[\d+\] = .* at most 1e\+45 m"),

@@ -230,7 +230,7 @@ LINE = Curve([[0, 0], [1, 0]])
         ([Curve([[0, 0], [1, 0], [1, 1]])], "ends at .* off the axis"),
         ([Curve([[1, 0], [1, 1], [0, 1]])], "begins at .* off the axis"),
         ([LINE, Curve([[1, 0.1], [0, 1]])], r"curves\[1\] begins at .* 0.1 m from"),
-        ([LINE, Curve([[0, 1], [1, 0]])], r"turn curves\[1\] around"),
+        ([LINE, Curve([[0, 1], [1, 0]])], r"reverse curves\[1\]"),
         ([Curve([[0, 0], [-1, 0.5], [0, 1]])], "crosses the axis: rho = -0.5"),
         ([Curve([[0, 0, 0], [1, 0.5, 1], [0, 1, 0]])], "not in the plane"),
         ([Curve([[0, 0], [0, 1]])], "no area"),

@@ -87,11 +87,11 @@ DAMAGED = {
     "parameters": ((r"(#\d+) = PLANE\('',", r"\1 = PLANE("), r"#\d+ is damaged: "),
     "another type": (
         (r"ITEM_DEFINED_TRANSFORMATION\('','',#\d+", "ITEM_DEFINED_TRANSFORMATION('','',#2"),
-        r"#\d+: .*type.*: it is damaged",
+        r"#\d+ is damaged: .*type",
     ),
     "an occurrence": (
         (r"= CONTEXT_DEPENDENT_SHAPE_REPRESENTATION\([^;]*", "= CARTESIAN_POINT('',(0.,0.,0.))"),
-        r"part '.*': nothing says where its occurrence",
+        r"part '.*': its occurrence .* has no placement",
     ),
     "a face of another kind": (
         (r"ADVANCED_FACE\('',\(#\d+\),#\d+", "FACE_SURFACE('',(#11),#11"), "is damaged",
@@ -102,7 +102,7 @@ DAMAGED = {
     ),
     "a shell": (
         (r"= MANIFOLD_SOLID_BREP\('',#\d+\)", "= CARTESIAN_POINT('',(0.,0.,0.))"),
-        "9 faces, of which OpenCASCADE brought",
+        "9 faces, but OpenCASCADE read only",
     ),
 }  # fmt: skip
 
