@@ -123,7 +123,7 @@ def test_what_is_no_solid_is_a_surface_and_says_why(vertices, faces, message):
 def test_a_surface_is_one_because_it_is_told_so():
     told = engine.TriangleMesh(CUBE.vertices, CUBE.faces, solid=False)
     assert not told.is_solid
-    assert told.not_solid == "it is set to be a surface (solid=False)"
+    assert told.not_solid == "it is declared a surface (solid=False)"
     assert CUBE.is_solid
     assert CUBE.not_solid == ""
 

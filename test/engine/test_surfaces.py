@@ -289,7 +289,7 @@ def test_a_surface_describes_itself():
     assert {one.kind, line.kind, several.kind} == {"surface"}
     assert (one.has_area, line.has_area, mixed().has_area) == (True, False, True)
     assert not one.is_solid
-    assert one.not_solid == "it is set to be a surface (solid=False)"
+    assert one.not_solid == "it is declared a surface (solid=False)"
     assert line.not_solid == one.not_solid
     assert (one.degrees, line.degree) == ((3, 4), 4)
     assert one.domain == ((0.0, 1.0), (0.0, 1.0))

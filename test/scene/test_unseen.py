@@ -111,7 +111,7 @@ def test_pairs_of_surfaces_are_named_with_the_reason_and_the_way_out(scene):
     assert "zone - part, zone - tip, part - tip" in text
     assert "'solid: robust'" in text
     assert "no solid: zone: not watertight: 4 open edges" in text
-    assert "no solid: part: it is set to be a surface" in text
+    assert "no solid: part: it is declared a surface" in text
     assert "no solid: tip" not in text, "a point holds nothing"
     for seen in (scene(), scene("model: zone.stl, solid: robust")):
         assert unseen_containment(*seen).count == 0

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from .model import Model
     from .tree import Tree
 
-_AS_TOLD = "it is set to be a surface (solid=False)"
+_AS_TOLD = "it is declared a surface (solid=False)"
 _NO_MOMENTS = np.empty((0, MOMENTS))
 
 

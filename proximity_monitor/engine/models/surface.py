@@ -21,7 +21,7 @@ from .nurbs import Net
 from .surface_hierarchy import SurfaceHierarchy
 from .surface_mesh import tessellated_surface
 
-_AS_TOLD = "it is to be taken for a surface (solid=False)"
+_AS_TOLD = "it is declared a surface (solid=False)"
 
 
 class Surface(Model):
