@@ -60,7 +60,7 @@ class Attaching:
         waits = parent not in (NOTHING, scene.held.get(child))
         told = WAITS if waits else ""
         if own and self._asked in news.refused:
-            told = f"not taken: {news.refusal}"
+            told = f"refused: {news.refusal}"
         self._note.content = f'<div class="pm pm-small pm-unproved">{escape(told)}</div>'
 
 

@@ -125,11 +125,11 @@ class Banding:
         sampled, deviation = np.array(list(self._sampled_m.values()) or [(0.0, 0.0)]).max(axis=0)
         unit, told = self._scene.unit, []
         if sampled > 0.0:
-            told.append(f"colours end up to {length(sampled, unit)} off along a part")
+            told.append(f"colours off by up to {length(sampled, unit)} along a part")
         if np.isinf(deviation):
-            told.append("how far what is drawn is off the shapes is not known")
+            told.append("it is unknown how far the drawing is off")
         elif deviation > 0.0:
-            told.append(f"what is drawn is up to {length(deviation, unit)} off the shapes")
+            told.append(f"the drawing is up to {length(deviation, unit)} off the shapes")
         exact = "; ".join(told) or "certain"
         return f'<div class="pm pm-small" id="pm-bands">{boxes}<br>{exact}{late}</div>'
 

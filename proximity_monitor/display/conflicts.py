@@ -115,8 +115,8 @@ def _look(path: Path) -> tuple[int, ...] | None:
 
 def _problem(error: Exception, path: Path, unsaved: bool) -> str:
     why = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-    kept = " What was decided since is kept here until it can be written." if unsaved else ""
-    return f"{path}: {why}. The file is left as it is.{kept}"
+    kept = " Later decisions are kept in memory until it can be written." if unsaved else ""
+    return f"{path}: {why}. The file is unchanged.{kept}"
 
 
 def decision_now(pairs: Pairs, row: int | None, status: str, comment: str) -> Decision:

@@ -66,7 +66,7 @@ def connection(news: News, now_s: float) -> Connection:
     silent = late and since_health > GONE_S
     if silent and not news.present:
         last = min(since_frame, since_health)
-        what = f"the monitor is gone for {last:.0f} s"
+        what = f"monitor gone for {last:.0f} s"
         if math.isinf(since_health):
             what = "waiting for the monitor"
         return Connection(ConnectionState.DISCONNECTED, what, current=False)
@@ -77,27 +77,27 @@ def connection(news: News, now_s: float) -> Connection:
         if news.frame is None:
             return Connection(
                 ConnectionState.COMPUTING,
-                "the monitor is there and prepares its search",
+                "the monitor is preparing its search",
                 current=False,
             )
         what = f"no word from the monitor for {since_frame:.0f} s"
         return Connection(ConnectionState.STALE, what, current=False)
     if news.frame is None or news.parts is None or news.scene is None:
-        what = "its first tick" if news.frame is None else "the meshes of the parts"
+        what = "the first tick" if news.frame is None else "the meshes of the parts"
         return Connection(ConnectionState.COMPUTING, f"waiting for {what}", current=False)
     if late:
         activity = news.health.schedule.get("message", "") if news.health is not None else ""
         what = f"no tick for {since_frame:.1f} s: {activity}"
         return Connection(ConnectionState.STALE, what, current=False)
     if bodies := silent_bodies(news.frame):
-        named = ", ".join(f"{name} {told}" for name, told in list(bodies.items())[:4])
+        named = ", ".join(f"{name} ({told})" for name, told in list(bodies.items())[:4])
         more = f" and {len(bodies) - 4} more" if len(bodies) > 4 else ""
         return Connection(ConnectionState.STALE, f"no recent pose: {named}{more}")
     bounded = int((news.frame.pairs.status == BOUNDED).sum())
     if bounded:
         what = "1 pair is" if bounded == 1 else f"{bounded} pairs are"
         return Connection(ConnectionState.COMPUTING, f"{what} not exact yet: bounds are shown")
-    return Connection(ConnectionState.LIVE, "every number is of the present poses")
+    return Connection(ConnectionState.LIVE, "the numbers match the present poses")
 
 
 @lru_cache(maxsize=1)
@@ -113,10 +113,7 @@ def silent_bodies(frame: Frame) -> Mapping[str, str]:
             known = found.get(name)
             # A stamp is NaN if one of the two had none ever. That tells nothing of the other.
             found[name] = age if known is None else float(np.fmin(known, age))
-    return {
-        name: "never given" if math.isnan(age) else f"for {age:.1f} s"
-        for name, age in found.items()
-    }
+    return {name: "never" if math.isnan(age) else f"{age:.1f} s" for name, age in found.items()}
 
 
 def pill(
@@ -141,10 +138,10 @@ def pill(
     if choice.at_s is not None:
         now = "" if told.state is ConnectionState.LIVE else f"; now {state}: {text}"
         shapes = f" and the shape of {escape(', '.join(sorted(deforming)))}" if deforming else ""
-        which = f"only the banner{shapes} {'are' if deforming else 'is'} of now"
+        which = f"only the banner{shapes} {'are' if deforming else 'is'} live"
         shown_s = choice.at_s if shown_s is None else shown_s
         other = _other_tick(shown_s - choice.at_s)
-        text = f"looking back by {newest_s - shown_s:.1f} s{other}: {which}{now}"
+        text = f"looking back {newest_s - shown_s:.1f} s{other}: {which}{now}"
         state, name, reason, title, colour = "past", "◀ past", text, text, _PAST
     if told.current:  # otherwise the display knows the reason, and the text above has it
         then = "" if choice.at_s is None else f"{text}; "

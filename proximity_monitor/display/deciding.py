@@ -42,8 +42,8 @@ class Deciding:
             self._status = gui.add_dropdown("Status", STATUSES)
             self._comment = gui.add_text("Comment", "")
             self._keep = gui.add_button(
-                "Keep the status", icon=viser.Icon.CHECK,
-                hint="For all, in a file; it changes no alert",
+                "Save the status", icon=viser.Icon.CHECK,
+                hint="For all, in a file; alerts do not change",
             )  # fmt: skip
 
         @self._keep.on_click
@@ -94,14 +94,14 @@ class Deciding:
         self._clash = (
             ""
             if agrees
-            else f"Not kept: somebody else has decided {': '.join(filter(None, self._known))}"
-            " meanwhile. Press again to keep yours in its place."
+            else f"Not saved: meanwhile somebody else chose {': '.join(filter(None, self._known))}."
+            " Press again to save yours instead."
         )
         return agrees
 
     def _line(self, decision, scene: SceneInfo, row: int | None) -> str:
         if self._pair is None:
-            return "Press a pair in the list to decide about it."
+            return "Press a pair in the list to set its status."
         state, upper = "", math.nan
         if row is not None:
             state, upper = kind_of(self._pairs, row), self._pairs.upper[row]
@@ -113,7 +113,7 @@ class Deciding:
             more += f"; {when} {reason(self._pair, self._pairs, scene)}"
         elif self._choice.at_s is not None:
             then = clearance(self._pairs, row, scene.unit)
-            more += f"; what you keep is about this moment: {then}"
+            more += f"; the status refers to this moment: {then}"
         if (path := self._decisions.path) is not None:
             more += f"; {'kept' if self._decisions.is_written(self._pair) else 'not yet'} in {path}"
         return f"{line}{more}"

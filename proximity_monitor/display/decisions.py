@@ -41,9 +41,7 @@ MUCH = 2.0
 """An overlap is worse if it is certainly more than this many times as deep as before. The search's
 tolerance, or noise in the poses, can make it a little deeper."""
 
-_FORGOTTEN = (
-    "What is decided here is forgotten at the end: start the display with -p conflicts:=FILE"
-)
+_FORGOTTEN = "Decisions will be lost at the end: start the display with -p conflicts:=FILE"
 
 
 class Decision(NamedTuple):
@@ -131,7 +129,7 @@ def read(path: Path) -> dict[str, Any]:
         raise ValueError("it is nested too deeply") from error
     refuse_surrogates(told)
     if not isinstance(told, dict) or told.get("version") != VERSION:
-        raise ValueError(f"it is not of version {VERSION}")
+        raise ValueError(f"its version is not {VERSION}")
     if not isinstance(told.get("conflicts"), list):
         raise ValueError("it has no list of conflicts")
     for i, each in enumerate(told["conflicts"]):
@@ -200,7 +198,7 @@ def alone(path: Path) -> Iterator[None]:
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
-            raise BlockingIOError(error.errno, "another display writes there now") from error
+            raise BlockingIOError(error.errno, "another display is writing to it") from error
         yield
     finally:
         os.close(handle)

@@ -41,8 +41,8 @@ class EventList:
         self._newest: int | None = None  # first event on the page; None: always the newest
         self._reset_here = False
         button = gui.add_button(
-            "Forget the smallest clearances", icon=viser.Icon.ERASER,
-            hint="Here, for all browsers, and in the monitor, for all who listen to it",
+            "Reset the smallest clearances", icon=viser.Icon.ERASER,
+            hint="In all browsers, and in the monitor for all its subscribers",
         )  # fmt: skip
         self._reset = gui.add_html("")
         self._picture = picture
@@ -94,12 +94,12 @@ class EventList:
             return str(listed[first].number) if first else ""
 
         lost = self._events.lost
-        rest = f"; the first {lost} are no longer known" if lost else ""
+        rest = f"; the first {lost} are no longer kept" if lost else ""
         return (
             f'<div class=pm {PRESSES}><table class=pm-table id="pm-events"><tr><th>at</th>'
             f"<th>state</th><th>pair</th><th class=pm-num>clearance</th></tr>{rows}</table>"
             f"{pager(TURN, page.start, len(listed), mark)}"
-            f"<div class='pm-small pm-dim'>the newest first{rest}</div>"
+            f"<div class='pm-small pm-dim'>newest first{rest}</div>"
             f"{left_out(len(every) - len(listed))}</div>"
         )
 

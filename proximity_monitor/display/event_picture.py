@@ -88,7 +88,7 @@ class EventPicture:
             image = self._portraits.take(event.sight.frame(event.pair), event.pair, parts)
             self._events.keep(event, png(image))
         except Exception as error:  # any failure of a browser is told in place of the picture
-            self._problem = f"There is no picture: {type(error).__name__}: {error}"
+            self._problem = f"No picture: {type(error).__name__}: {error}"
         finally:
             self._busy = False
 
@@ -97,7 +97,7 @@ class EventPicture:
         if event is None:
             return ""
         if event.sight is None:
-            return "There is no picture: the closest points were not known."
+            return "No picture: the closest points were not known."
         return self._problem if self._tried is event else ""
 
 

@@ -37,7 +37,7 @@ class Fine:
         self._unit = Unit("m", 1.0)
         with gui.add_folder("Fine motion"):
             self._gear = gui.add_dropdown(
-                "Drag", GEARS, hint="The part moves by so much of the hand's way; key F: the next"
+                "Drag", GEARS, hint="The part moves this share of the hand's way; key F: next"
             )
             self._snap = gui.add_checkbox("Snap drags to the steps", False)
             self._step = gui.add_number("Step", 0.1, min=0.0)

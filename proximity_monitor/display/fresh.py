@@ -40,7 +40,7 @@ STYLE = f"""
 body::before, body::after {{ display: var(--pm-veil, none); position: fixed; pointer-events: none }}
 body::before {{ content: ""; inset: 0; z-index: 9998;
   background: repeating-linear-gradient(45deg, {GREY}22 0 8px, transparent 8px 24px) }}
-body::after {{ content: "? no news: all that is shown is old"; top: 8px; left: 8px; z-index: 9999;
+body::after {{ content: "? no news: everything shown is old"; top: 8px; left: 8px; z-index: 9999;
   padding: 4px 12px; border-radius: 6px; background: {GREY}; color: #fff;
   font: 600 15px system-ui, sans-serif }}
 """

@@ -36,7 +36,7 @@ class Inspect:
         self._frame: Frame | None = None
         self._problem: tuple[PairName | None, str] = (None, "")  # why a button failed for a pair
         buttons = client.gui.add_button_group(
-            "Gap", (ZOOM, SECTION, WHOLE), hint="Of the chosen pair; without one, the nearest"
+            "Gap", (ZOOM, SECTION, WHOLE), hint="Of the highlighted pair, else of the nearest"
         )
         self._note = client.gui.add_html("")
 

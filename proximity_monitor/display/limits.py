@@ -78,7 +78,7 @@ class LimitsPanel:
         elif (scene is not self._asked_in or refusal) and now_s >= self._asked_s + HAND_S:
             self._follow(scene)
         self._cost.content = "" if health is None else self._tell_cost(scene, health)
-        told = f"<div class=pm style='color:#b3261e'>not taken: {escape(refusal)}</div>"
+        told = f"<div class=pm style='color:#b3261e'>refused: {escape(refusal)}</div>"
         self._refusal.content = told if refusal else ""
 
     def _follow(self, scene: SceneInfo) -> None:
@@ -135,7 +135,7 @@ class LimitsPanel:
         p50, p99 = (health.number(f"search_p{share}_ms") for share in (50, 99))
         share = f"{100.0 * p50 / settings['budget_ms']:.0f} %" if settings["budget_ms"] else "n/a"
         return (
-            f'<div class=pm id="pm-cost"><div>Search {aging("now:", "when last heard of:")}'
+            f'<div class=pm id="pm-cost"><div>Search {aging("now:", "last known:")}'
             f" <b>{p50:.2f} ms</b> a tick (median),"
             f" {p99:.2f} ms (99th percentile): {share} of the budget</div>"
             f"{self._tried.table()}</div>"

@@ -104,7 +104,7 @@ class Filters:
 
     def __init__(self, gui: viser.GuiApi, choice: Choice) -> None:
         """Add the inputs at the current place of the GUI."""
-        search = gui.add_text("Search", "", hint="Words of the names of both parts")
+        search = gui.add_text("Search", "", hint="Words in the names of both parts")
         with gui.add_folder("Filter and group", expand_by_default=False):
             state = gui.add_dropdown("State", (ALL, *KINDS))
             self._part = part = gui.add_dropdown("Of part", (ALL,))

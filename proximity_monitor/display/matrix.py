@@ -39,7 +39,7 @@ def matrix(pairs: Pairs, scene: SceneInfo, highlighted: PairName | None = None) 
         + "</tr>"
         for r, name in enumerate(names)
     )
-    rest = "of the most urgent pairs" if len(names) >= PARTS else ""
+    rest = "most urgent pairs only" if len(names) >= PARTS else ""
     rest = f"<div class='pm-small pm-dim'>{rest}</div>"
     return (
         f'<div class=pm {PRESSES}><table class=pm-table id="pm-matrix" style="width:auto">'

@@ -76,7 +76,7 @@ class Move:
         self._reset = gui.add_button("Back to where it was", icon=viser.Icon.REFRESH)
         self._release = gui.add_button(LET_GO, icon=viser.Icon.HAND_OFF)
         self._stop = gui.add_dropdown(
-            "Drags stop", (FREE, AT_STOP, AT_CONTACT), hint="By certified bounds, of each tick anew"
+            "Drags stop", (FREE, AT_STOP, AT_CONTACT), hint="By each tick's certified bounds"
         )
         self._attaching = Attaching(gui, choice, ask)
         self._fine = Fine(gui, self._on_step)
@@ -305,7 +305,7 @@ def _note(
     if name is None:
         text = "Click a part, then drag its arrows, planes and arcs."
     elif not live:
-        text = "looking back: parts can be moved where the page is live"
+        text = "looking back: go back to live to move parts"
     elif other is not None:
         text = f"▲ held by {escape(other.name)}, another view of this page"
     elif parent is not None:

@@ -62,10 +62,10 @@ class ProximityDisplay(Node):
         self.monitor = self._declare_node("monitor", "proximity_monitor", text)
         text = "Address to listen on. There is no login: whoever reaches it can move the bodies."
         self.host = self._declare("host", "127.0.0.1", text)
-        text = "Name of a player, which leaves the bodies that are held here alone."
+        text = "Name of a player, which does not move the bodies that are held here."
         self._player = self._declare_node("player", "proximity_player", text)
         ports = [IntegerRange(from_value=0, to_value=65535)]
-        text = "Port of the page; 0: any that is free. Where it is taken, the next free one."
+        text = "Port of the page; 0: any free port. If it is taken, the next free one is used."
         self.port = self._declare("port", 8080, text, integer_range=ports)
         text = "File with the status of conflicts; empty: beside the scene's file."
         self.conflicts = self._declare("conflicts", "", text)
@@ -112,11 +112,9 @@ class ProximityDisplay(Node):
     def reset_minima_of_monitor(self) -> None:
         """Ask it to forget the smallest clearances, and pass on its answer. Any thread may call."""
         if not self._to_reset.service_is_ready():
-            self._inbox.tell(
-                reset=f"{self._to_reset.srv_name} does not answer: forgotten here alone"
-            )
+            self._inbox.tell(reset=f"{self._to_reset.srv_name} does not answer: reset only here")
             return
-        self._inbox.tell(reset="forgotten here; the monitor was asked")
+        self._inbox.tell(reset="reset here; the monitor was asked to")
         self._to_reset.call_async(Trigger.Request()).add_done_callback(
             lambda future: self._inbox.tell(reset=f"the monitor {future.result().message}")
         )
@@ -151,7 +149,7 @@ class ProximityDisplay(Node):
             return self.resolve_topic_name(value)
         except RuntimeError as error:
             why = str(error).partition(", at ")[0]  # the rest is a place in ROS's own source
-            reason = f"no node can have this name: {why}"
+            reason = f"not a valid node name: {why}"
             raise InvalidParameterValueException(name, value, reason) from error
 
     def _on_scene(self, message: String) -> None:

@@ -270,7 +270,7 @@ class Page:
         with gui.add_folder("Picture", expand_by_default=False):
             lines = gui.add_slider(
                 "Lines", 0, 200, 1, self._choice.lines,
-                hint="So many of the nearest pairs are drawn, beside all that are not clear",
+                hint="Number of nearest pairs to draw, besides all that are not clear",
             )  # fmt: skip
             names = gui.add_checkbox("Names", self._choice.names)
             self._inspect.add_looks(gui)

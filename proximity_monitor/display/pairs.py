@@ -113,7 +113,7 @@ def _row(pairs: Pairs, i: int, scene: SceneInfo, choice: Choice, decided: str) -
         f"{decided}{on}{silent}</td>"
         f"<td class=pm-num>{_certainty(pairs, i, scene)}{clearance(pairs, i, scene.unit)}"
         f"{_bar(pairs, i, scene)}</td>"
-        f'<td><span class="pm-press pm-small" title="ignore this pair here"'
+        f'<td><span class="pm-press pm-small" title="hide this pair here"'
         f" {pair_word('ignore', (a, b))}>hide</span></td></tr>"
     )
 
@@ -121,11 +121,11 @@ def _row(pairs: Pairs, i: int, scene: SceneInfo, choice: Choice, decided: str) -
 def _certainty(pairs: Pairs, i: int, scene: SceneInfo) -> str:
     if pairs.level[i] in (STOP, WARN) and unproved(pairs, i, scene):
         which = "stop" if pairs.level[i] == STOP else "warn"
-        title = "the bounds enclose the limit: it may be above, but that is not proved"
+        title = "the limit lies between the bounds: the clearance may be above it"
         return f'<div class="pm-small pm-unproved" title="{title}">not proved above {which}</div>'
     if not uncertain(pairs, i):
         return ""
-    title = "the budget cut the search: the clearance is certified to lie between the two"
+    title = "the budget ended the search: the clearance certainly lies between these"
     return f'<span class="pm-small pm-dim" title="{title}">bounded </span>'
 
 
@@ -157,11 +157,11 @@ def _bar(pairs: Pairs, i: int, scene: SceneInfo) -> str:
 def _rest(pairs: Pairs, found: Listing, left: Unlisted) -> str:
     more, wrong = [], found.left_out
     if len(pairs) and not any(rows for _, rows in found.groups):
-        more.append("no pair is left by the search, the filter and what is hidden")
+        more.append("search, filter and hiding leave no pair to list")
     if found.more_clear:
-        more.append(f"{found.more_clear} more that are clear: search for them")
+        more.append(f"{found.more_clear} more clear pairs: search for them")
     if found.clear_left_out:
-        more.append(f"{found.clear_left_out} that are clear are left out by the filter")
+        more.append(f"{found.clear_left_out} clear pairs are left out by the filter")
     more += left.lines
     told = f"<div class='pm-small pm-dim'>{'; '.join(more)}</div>" if more else ""
     if wrong:
@@ -184,4 +184,4 @@ def _ignored(pairs: Pairs, scene: SceneInfo, choice: Choice) -> str:
             state = f' <b style="color:{shown.colour}">{mark(shown)}</b>'
         press = pair_word("ignore", (a, b))
         links.append(f"<span class=pm-press {press}>{escape(a)} - {escape(b)}</span>{state}")
-    return f"<div class=pm-small>hidden here, press to watch again: {', '.join(links)}</div>"
+    return f"<div class=pm-small>hidden here, press to show again: {', '.join(links)}</div>"

@@ -93,7 +93,7 @@ class PlayerPanel:
                 self._ask(wanted)
         elif now_s >= self._asked_s + HAND_S or news.playing is not before:
             self._follow(news.playing, news.frame.stamp_s)
-        refused = f" Not taken: {news.player_refusal}" if news.player_refusal else ""
+        refused = f" Refused: {news.player_refusal}" if news.player_refusal else ""
         self._note.content = _note(_line(news.playing, news.frame.stamp_s) + refused)
 
     def _follow(self, playing: Playing, stamp_s: float) -> None:

@@ -133,7 +133,7 @@ class Portraits:
 
     def _check(self, parts: Parts) -> None:
         if parts is not self._parts:
-            raise RuntimeError("the scene has changed meanwhile: ask again in the new one")
+            raise RuntimeError("the scene has changed: try again")
 
     def _render(self, view: View, size: tuple[int, int]) -> np.ndarray:
         width, height = size

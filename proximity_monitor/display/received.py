@@ -54,11 +54,11 @@ def read_pairs(data: bytes, scene: SceneInfo) -> tuple[float, Pairs]:
     rows = _rows(reader, height * count)
     try:
         if (rows["checksum"] != scene.checksum).any():
-            raise OfAnotherSceneError("~/pairs is of another scene than ~/scene")
+            raise OfAnotherSceneError("~/pairs and ~/scene are of different scenes")
         bodies = np.stack((rows["a"], rows["b"]), axis=1)
         names = _names(scene.names, bodies.astype("<u4").tobytes())
         if (rows["status"] >= len(STATUSES)).any() or (rows["level"] >= len(LEVELS)).any():
-            raise ValueError("a pair of ~/pairs has a level or a status that is not known")
+            raise ValueError("a pair in ~/pairs has an unknown level or status")
         status, level = rows["status"].astype(np.int8), rows["level"].astype(np.int8)
         lower, upper, age, stamp = (
             rows[name].astype(np.float64) for name in ("lower", "upper", "age_s", "stamp")
@@ -67,7 +67,7 @@ def read_pairs(data: bytes, scene: SceneInfo) -> tuple[float, Pairs]:
         silent, mute = _silent(rows, names, level, scene.words)
         features = _features(rows, level, scene.words)
     except IndexError as error:
-        raise ValueError(f"~/pairs is not what is read here: {error}") from error
+        raise ValueError(f"~/pairs cannot be interpreted: {error}") from error
     return stamp_s, Pairs(
         names, lower, upper, points, status, level, age, stamp, silent, features, mute
     )
@@ -86,9 +86,9 @@ def _rows(reader: Reader, count: int) -> np.ndarray:
     size = reader.count()
     reader.count()  # bytes of a row
     if missing := _READ.difference(names):
-        raise ValueError(f"~/pairs has no {', '.join(sorted(missing))}")
+        raise ValueError(f"~/pairs lacks the fields {', '.join(sorted(missing))}")
     if None in kinds or reader.count() != size * count:
-        raise ValueError("the fields of ~/pairs are not those that are read here")
+        raise ValueError("the fields of ~/pairs have unexpected types or sizes")
     formats = [f"{order}{kind}" for kind in kinds]
     layout = {"names": names, "formats": formats, "offsets": offsets, "itemsize": size}
     return np.frombuffer(reader.data, np.dtype(layout), count, reader.at)
@@ -100,7 +100,7 @@ def _names(bodies: Sequence[str], places: bytes) -> PairNames:
     known, count = _known(bodies), len(bodies)
     a, b = np.frombuffer(places, "<u4").reshape(-1, 2).T.astype(np.int64)
     if len(a) and max(a.max(), b.max()) >= count:
-        raise IndexError("it tells of a body that the scene does not have")
+        raise IndexError("it refers to a body that the scene does not have")
     return tuple(
         known.get(code) or known.setdefault(code, (bodies[code // count], bodies[code % count]))
         for code in (a * count + b).tolist()
@@ -257,5 +257,5 @@ def _part(reader: Reader) -> Part:
             math.inf if of["off_m"] is None else float(of["off_m"]),
         )
     except (TypeError, KeyError, ValueError) as error:
-        raise ValueError(f"~/parts does not tell of a body what is read here: {error}") from error
+        raise ValueError(f"a body in ~/parts cannot be interpreted: {error}") from error
     return Part(pose if added else None, colour, corners, normals, solid, deviation)

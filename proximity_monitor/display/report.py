@@ -82,9 +82,10 @@ def report_html(
         _HEAD,
         f"<title>Conflicts of {escape(scene.name)}</title></head><body>",
         f"<h1>Conflicts of {escape(scene.name)}</h1><p>{escape(scene.description)}</p>",
-        f"<p>Made {made} UTC, of a session of {end - start:.1f} s that ended at"
-        f" {moment(end, start)}. {watched} watched, {count} found. Unless a pair has its own, warn"
-        f" is {length(limits.warn, scene.unit)} and stop {length(limits.stop, scene.unit)}. Every"
+        f"<p>Made {made} UTC, from a session of {end - start:.1f} s that ended at"
+        f" {moment(end, start)}. {watched} watched, {count} found. Unless a pair has its own"
+        f" limits, warn is {length(limits.warn, scene.unit)} and stop"
+        f" {length(limits.stop, scene.unit)}. Every"
         f" clearance is certified to lie between its two bounds.{without}</p>",
     ]
     for conflict in found:

@@ -33,7 +33,9 @@ def refuse_surrogates(told: Any) -> None:
         json.dumps(told, ensure_ascii=False).encode()
     except UnicodeEncodeError as error:
         half = error.object[error.start].encode("ascii", "backslashreplace").decode()
-        raise ValueError(f"a text in it is not Unicode: it has {half} alone") from error
+        raise ValueError(
+            f"a text in it is not Unicode: it has the lone surrogate {half}"
+        ) from error
 
 
 @dataclass(frozen=True)
@@ -132,8 +134,8 @@ class SceneInfo:
             )
         except (KeyError, TypeError, AttributeError) as error:
             raise ValueError(
-                f"~/scene is not what this version of the display reads ({error}): is the monitor"
-                " of the same version?"
+                f"~/scene cannot be interpreted ({error}): do monitor and display have the same"
+                " version?"
             ) from error
 
     @cached_property
@@ -317,7 +319,7 @@ class Playing:
             if not all(math.isfinite(each) for each in numbers):
                 raise ValueError("a number is not finite")
         except (TypeError, ValueError) as error:
-            raise ValueError(f"a player's ~/motion is not what is read here: {error}") from error
+            raise ValueError(f"a player's ~/motion cannot be interpreted: {error}") from error
         return told
 
     def at(self, stamp_s: float) -> float:

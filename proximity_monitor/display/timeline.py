@@ -46,7 +46,7 @@ class Timeline:
         with plot:
             self._plot = Plot(gui, session, choice)
             self._slider = gui.add_slider(
-                "Look back [s]", 0.0, 1.0, 0.1, 1.0, hint="The session so far; at the end: live"
+                "Look back [s]", 0.0, 1.0, 0.1, 1.0, hint="The session so far; right end: live"
             )
         self._worst = gui.add_html("")
         self._return = gui.add_button("Return to that pose", icon=viser.Icon.ARROW_BACK)
@@ -94,7 +94,7 @@ class Timeline:
         if (every_s := self._session.thinned_s) is not None:
             thinned = (
                 f'<div class="pm-small pm-dim" id="pm-thinned">The session is thinned to one tick'
-                f" in {every_s:.1f} s. The smallest clearances are of all ticks.</div>"
+                f" per {every_s:.1f} s. The smallest clearances cover all.</div>"
             )
         self._worst.content = (
             f'<div class=pm id="pm-worst">Smallest in this session: <b>'

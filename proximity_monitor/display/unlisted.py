@@ -36,7 +36,7 @@ class Unlisted(NamedTuple):
         told = {
             "beyond their range": self.far,
             "without a recent pose and not listed": self.unsure,
-            "not watched, of bodies that are attached to each other": self.unwatched,
+            "not watched: their bodies are attached to each other": self.unwatched,
             "not listed": self.unexplained,
         }
         return [f"{count} {what}" for what, count in told.items() if count]

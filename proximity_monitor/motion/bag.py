@@ -54,8 +54,8 @@ class Bag(Motion):
         self._length_s = recorded.duration_s - seek_s
         if self._length_s < 0.0:
             raise ValueError(
-                f"{path}: lasts {recorded.duration_s:g} s, so nothing is left after seek_s, "
-                f"{seek_s:g} s"
+                f"{path}: lasts {recorded.duration_s:g} s, so nothing is left to play after "
+                f"seek_s, {seek_s:g} s"
             )
         self._path, self._rate, self._seek_s, self._loop = path, rate, seek_s, loop
 
@@ -81,7 +81,7 @@ class Bag(Motion):
             ValueError: t is not finite.
         """
         if not math.isfinite(t):
-            raise ValueError(f"t: {t} is no time")
+            raise ValueError(f"t must be finite (got {t})")
         end_s = self.period_s
         if end_s is None:
             return _held(self._tracks, t * self._rate + self._seek_s)

@@ -77,7 +77,7 @@ def _read(
         raise ValueError(f"{path}: {_INSTALL} ({error})") from None
     if path.is_file() and path.suffix not in _FILES:
         raise ValueError(
-            f"{path}: does not read as a ROS 2 bag: it is no {' or '.join(_FILES)} file; {_FOLDER}"
+            f"{path}: is not a ROS 2 bag: it is not a {' or '.join(_FILES)} file; {_FOLDER}"
         )
     kinds: dict[str, set[str]] = {}
     messages: dict[str, list[tuple[int, bytes]]] = {topic: [] for topic in topics}
@@ -93,13 +93,13 @@ def _read(
         # For a damaged file, rosbags raises its own ReaderError. It also lets through OSError,
         # struct.error, KeyError, TypeError, AssertionError, and whatever the decompressors and
         # apsw (which reads .db3 files) raise. A list of them all might not fit its next version.
-        raise ValueError(f"{path}: does not read as a ROS 2 bag: {error!r}") from error
+        raise ValueError(f"{path}: cannot be read as a ROS 2 bag: {error!r}") from error
     for topic in topics:
         told = sum(each.msgcount for each in used if each.topic == topic)
         if len(messages[topic]) != told:
             raise ValueError(
                 f"{path}: {topic}: {len(messages[topic])} of {told} messages can be read, so the "
-                "bag is damaged; record it again, or let its own tools repair it"
+                "bag is damaged; record it again, or repair it with the tools of its format"
             )
         if topic not in kinds:
             raise ValueError(
@@ -111,8 +111,8 @@ def _read(
 def _check_kinds(kinds: set[str], expected: str) -> None:
     if kinds != {expected}:
         raise ValueError(
-            f"has messages of type {' and '.join(sorted(kinds))}; a body's name needs {_STAMPED}, "
-            f"a list of names {_ARRAY}"
+            f"has messages of type {' and '.join(sorted(kinds))}; a single name needs {_STAMPED}, "
+            f"a list of names needs {_ARRAY}"
         )
 
 
@@ -124,7 +124,7 @@ def _track(
     frame: str,
 ) -> Track:
     if not messages:
-        raise ValueError("the bag holds no message of it")
+        raise ValueError("the bag has no messages on this topic")
     from rosbags.serde import SerdeError
 
     types = _types()
@@ -137,18 +137,18 @@ def _track(
         except SerdeError as error:
             if raw.startswith(_ZSTD):
                 raise ValueError(f"message {number} is compressed; {_FOLDER}") from error
-            raise ValueError(f"message {number} does not read as {kind}: {error!r}") from error
+            raise ValueError(f"message {number} cannot be read as {kind}: {error!r}") from error
         found = [message.pose] if kind == _STAMPED else message.poses
         header = message.header
         if header.frame_id != frame:
             raise ValueError(
-                f"message {number} is in frame {header.frame_id!r}, the scene in {frame!r}"
+                f"message {number} is in frame {header.frame_id!r}, but the scene in {frame!r}"
             )
         if stamp_ns < last_ns:
             raise ValueError(f"message {number} is older than the one before it; sort the bag")
         if len(found) != len(bodies):
             raise ValueError(
-                f"message {number} has {len(found)} poses, the scene names {len(bodies)} bodies"
+                f"message {number} has {len(found)} poses, but the scene names {len(bodies)} bodies"
             )
         last_ns = stamp_ns
         times.append((stamp_ns - start_ns) / _NANO)
@@ -179,7 +179,8 @@ def _sound(poses: np.ndarray) -> np.ndarray:
     if wrong.any():
         message, body = np.argwhere(wrong)[0].tolist()
         raise ValueError(
-            f"message {message + 1} has no finite pose with a quaternion of length 1: "
+            f"message {message + 1} has a pose that is not finite, or whose quaternion is not of "
+            "length 1: "
             f"{poses[message, body].tolist()}"
         )
     poses[..., 3:] /= lengths

@@ -79,9 +79,9 @@ class SliderCrank(Motion):
                 "or the crank cannot turn",
             )
         if not pistons:
-            raise _bad("pistons", "names no piston")
+            raise _bad("pistons", "must name at least one piston")
         if crank in pistons:
-            raise _bad("pistons", f"{crank!r} is the crank")
+            raise _bad("pistons", f"must not include the crank, {crank!r}")
         self._pistons = tuple(self._piston(name, values) for name, values in pistons.items())
 
     def _piston(self, name: str, values: Mapping[str, Any]) -> _Piston:
@@ -91,7 +91,8 @@ class SliderCrank(Motion):
         if aside > _ALIGNMENT * self._radius:
             raise _bad(
                 f"pistons.{name}.offset",
-                f"leaves the crank's axis by {aside:g} m; the rod would not keep its length",
+                f"must be parallel to crank_axis; {aside:g} m off it, the rod would not keep its "
+                "length",
             )
         return _Piston(name, phase, self._origin + offset)
 
@@ -112,7 +113,7 @@ class SliderCrank(Motion):
             ValueError: t is not finite.
         """
         if not math.isfinite(t):
-            raise ValueError(f"t: {t} is no time")
+            raise ValueError(f"t must be finite (got {t})")
         angle = self._speed * t
         poses = {self._crank: self._turned(angle)}
         for piston in self._pistons:

@@ -55,7 +55,7 @@ def read_pose(data: bytes) -> StampedPose:
         stamp_ns, frame = reader.stamp_ns(), reader.text()
         numbers = reader.doubles(_NUMBERS)
     except ValueError as error:
-        raise ValueError(f"no serialised PoseStamped: {error}") from error
+        raise ValueError(f"not a serialised PoseStamped: {error}") from error
     return StampedPose(stamp_ns, frame, numbers[:3], numbers[3:])
 
 
@@ -78,7 +78,7 @@ def read_pose_array(data: bytes) -> Poses:
         stamp_ns, frame, count = reader.stamp_ns(), reader.text(), reader.count()
         numbers = reader.array("f8", count * _NUMBERS)
     except ValueError as error:
-        raise ValueError(f"no serialised PoseArray: {error}") from error
+        raise ValueError(f"not a serialised PoseArray: {error}") from error
     numbers = numbers.reshape(count, _NUMBERS).astype(np.float64, copy=False)
     return Poses(stamp_ns, frame, numbers[:, :3], numbers[:, 3:])
 
@@ -101,4 +101,4 @@ def _deserialised(data: bytes, kind: type):
     try:
         return deserialize_message(data, kind)
     except RuntimeError as error:  # rclpy's RMWError is one
-        raise ValueError(f"no serialised {kind.__name__}: {error}") from error
+        raise ValueError(f"not a serialised {kind.__name__}: {error}") from error

@@ -33,7 +33,7 @@ def read_points(message: PointCloud2) -> np.ndarray:
     for name in ("x", "y", "z"):
         field = fields.get(name)
         if field is None or field.datatype not in _KINDS or field.count > 1:
-            raise ValueError(f"a cloud needs one float32 or float64 '{name}' a point")
+            raise ValueError(f"a cloud needs one float32 or float64 field '{name}' per point")
         kinds[name] = (f"{order}{_KINDS[field.datatype]}", field.offset)
     if message.height > 1 and message.row_step < message.width * message.point_step:
         # A few bytes could claim billions of points.

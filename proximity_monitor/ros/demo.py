@@ -243,7 +243,7 @@ def _summary(picture: Picture, took_s: float) -> int:
     print(f"\n{took_s:.1f} s, {picture.results} results received; alerts: {len(picture.alerts)}.")
     for line in picture.changes():
         print(f"  {line}")
-    print("Smallest clearance of each pair in this session, the nearest first:")
+    print("Smallest clearance of each pair in this session, nearest first:")
     for name, least in picture.minima(ROWS):
         print(f"  {name}: {least} {picture.unit.symbol}")
     return 0

@@ -62,18 +62,18 @@ class Descriptions:
     def _hear(self, topic: str, message: String) -> None:
         if self._texts.get(topic, message.data) != message.data:
             self._node.get_logger().warning(
-                f"the robot description on {self._subscriptions[topic].topic_name} changed; the "
-                "scene still holds the former one: clean up and configure, or start again, to use "
-                "the new one"
+                f"the robot description on {self._subscriptions[topic].topic_name} changed, but "
+                "the scene still uses the old one: clean up and configure the node, or restart it, "
+                "to use the new one"
             )
         self._texts[topic] = message.data
 
     def _what_is_missing(self, topic: str) -> str:
         name = self._subscriptions[topic].topic_name
         publishers = self._node.get_publishers_info_by_topic(name)
-        why = "nobody publishes it yet"
+        why = "it has no publisher yet"
         if publishers:
-            why = "it is published, but has not come yet"
+            why = "it has a publisher, but has not arrived yet"
             if all(each.qos_profile.durability == DurabilityPolicy.VOLATILE for each in publishers):
-                why = "its publisher is volatile and must be transient local"
+                why = "its publisher's durability is volatile, but must be transient local"
         return f"waiting for the robot description on {name} (std_msgs/msg/String): {why}"

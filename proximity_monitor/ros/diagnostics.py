@@ -228,7 +228,9 @@ class Health:
         if new:
             wrong.append(f"{new} peers with an incompatible quality of service in the last second")
         level = DiagnosticStatus.WARN if wrong else DiagnosticStatus.OK
-        return self._status("outputs", level, "; ".join(wrong) or "all peers fit", values)
+        return self._status(
+            "outputs", level, "; ".join(wrong) or "all peers are compatible", values
+        )
 
     def _status(
         self, task: str, level: bytes, message: str, values: dict[str, str]

@@ -206,7 +206,7 @@ class JointInputs:
     def _place(self, each: _Joints, stamp_ns: int, now_ns: int) -> None:
         """Store the poses of a robot's links, as far as they are known."""
         for name in each.missing():
-            self._warn(name, "has no position yet, neither in the scene file nor in a message")
+            self._warn(name, "has no position yet, neither from the scene file nor from a message")
         base = root_ns = None
         if each.robot.root is not None:
             if (found := self._root(each.robot.name)) is None:
@@ -221,9 +221,9 @@ class JointInputs:
         self.rejected[JointReason.UNKNOWN] += bool(names)
         new = sorted(names - self._told) if len(self._told) < _MOST_TOLD else ()
         for name in new[:_NAMED]:
-            self._warn(name, "is not of a robot in the scene")
+            self._warn(name, "does not belong to a robot in the scene")
         if len(new) > _NAMED:
-            more = f"and {len(new) - _NAMED} more joints are not of a robot in the scene"
+            more = f"and {len(new) - _NAMED} more joints do not belong to a robot in the scene"
             self._node.get_logger().warning(more)
         self._told.update(new[:_MOST_TOLD])
 

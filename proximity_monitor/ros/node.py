@@ -96,8 +96,8 @@ class ProximityMonitor(LifecycleNode):
         declared = self._declared = SceneParameters(self, scene)
         if declared.unadjustable:
             self.get_logger().info(
-                f"{declared.unadjustable} pairs have thresholds of their own: too many for"
-                " parameters, so these stay as the scene file says"
+                f"{declared.unadjustable} pairs have their own thresholds: too many for"
+                " parameters, so these keep the values of the scene file"
             )
         try:
             self._session = Session(self, scene, declared.settings())
@@ -114,7 +114,7 @@ class ProximityMonitor(LifecycleNode):
         self._session.start()
         settings = self._session.settings
         self.get_logger().info(
-            f"watching at {settings.rate_hz:g} Hz, {settings.budget_s * 1e3:g} ms a tick,"
+            f"watching at {settings.rate_hz:g} Hz, budget {settings.budget_s * 1e3:g} ms a tick,"
             f" frame {settings.frame}"
         )
         return result
@@ -157,7 +157,9 @@ class ProximityMonitor(LifecycleNode):
             try:
                 return change(request, response)
             except RCLError as error:
-                self.get_logger().warning(f"no such transition from the present state: {error}")
+                self.get_logger().warning(
+                    f"this transition is not possible in the present state: {error}"
+                )
                 response.success = False
                 return response
 

@@ -247,7 +247,9 @@ class Outputs:
             left_s = max(0.0, until - time.monotonic())
             if not publisher.wait_for_all_acked(Duration(seconds=left_s)):
                 log = self._node.get_logger()
-                log.warning(f"{publisher.topic_name}: not all who listen have the last message")
+                log.warning(
+                    f"{publisher.topic_name}: not all subscribers received the last message"
+                )
         # Wait briefly: Fast DDS asks only every three seconds whether a longer history arrived.
         self._alerts.wait_for_all_acked(Duration(seconds=0.02))
         for publisher in self._publishers:

@@ -63,7 +63,7 @@ class PageProcess:
                     webbrowser.open(address)
         if not self._stopping:
             code = self._process.wait()
-            said = last if last and not last.startswith(_ADDRESS) else "without a word"
+            said = last if last and not last.startswith(_ADDRESS) else "no message"
             what = f"The page has ended (exit code {code})" if there else "No page"
             self._say(f"{what}: {said}")
 

@@ -49,7 +49,7 @@ _PLACEHOLDER = np.array(
 )  # three points that are found by their bytes
 _NORMALS = np.array([[0.125, 0.375], [0.625, -0.875], [-0.1875, 0.4375]], "<f4")  # likewise
 _OTHER_LAYOUT = (
-    "the middleware's serialised markers are not laid out as ~/parts needs them; set the parameter"
+    "the middleware lays out serialised markers in a way that ~/parts cannot use; set the parameter"
     " markers to false"
 )
 

@@ -140,7 +140,7 @@ class ProximityPlayer(Node):
         if bulk:
             if strangers := [name for name in moving if name not in driven]:
                 raise ValueError(
-                    f"bulk: needs a pose of every moving body, and the motion of {scene.path} does"
+                    f"bulk: needs a pose of every moving body, but the motion of {scene.path} does"
                     f" not drive {', '.join(strangers)}; set bulk to false"
                 )
             self._order = tuple(moving)

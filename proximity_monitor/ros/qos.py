@@ -53,5 +53,5 @@ class Incompatible:
         self.count[topic] += event.total_count_change
         policy = qos_policy_name_from_kind(event.last_policy_kind)
         self._log.warning(
-            f"{topic}: {who} does not fit by its {policy}: its messages are not exchanged"
+            f"{topic}: {who} has an incompatible {policy} policy: no messages are exchanged with it"
         )

@@ -43,7 +43,7 @@ def dump(recording: Recording, folder: str, node: str, frame: str) -> list[Path]
         bag = _write_bag(recording, made / "bag", node, frame)
     except ImportError as error:
         raise ImportError(
-            f"wrote {' and '.join(map(str, tables))}, and no bag: {error}; install rosbags"
+            f"wrote {' and '.join(map(str, tables))}, but no bag: {error}; install rosbags"
         ) from error
     return [*tables, bag]
 
@@ -58,7 +58,7 @@ def _new_folder(parent: Path, name: str) -> Path:
         except FileExistsError:
             continue
         return made
-    raise FileExistsError(f"{parent / name} and 998 more exist: clear up {parent}")
+    raise FileExistsError(f"{parent / name} and 998 like it exist already: delete some in {parent}")
 
 
 def _write_bag(recording: Recording, path: Path, node: str, frame: str) -> Path:

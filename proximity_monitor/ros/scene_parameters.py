@@ -94,7 +94,7 @@ class SceneParameters:
         except ParameterException as error:
             self.undeclare()
             raise ValueError(str(error)) from error
-        if reason := self._refusal(self._values(), "give both to the node, or mend the scene file"):
+        if reason := self._refusal(self._values(), "set both, or correct the scene file"):
             self.undeclare()
             raise ValueError(reason)
         self._tell_overrides_of_nothing()
@@ -169,15 +169,15 @@ class SceneParameters:
         for name in self._overrides:
             if not (self._node.has_parameter(name) or name.startswith(_OF_ROS)):
                 self._node.get_logger().warning(
-                    f"parameter {name} was given, but there is none of that name{self._why(name)}"
+                    f"parameter {name} is set, but no parameter has that name{self._why(name)}"
                 )
 
     def _why(self, name: str) -> str:
         kind, *pair = name.split(".")[:-1] or [""]
         if kind == "pairs" and {safe(body.name) for body in self._scene.bodies} >= set(pair):
             if self.unadjustable:
-                return f": more than {MAX_PAIRS} pairs have thresholds of their own"
-            return ": the scene file watches no such pair with thresholds of its own"
+                return f": more than {MAX_PAIRS} pairs have their own thresholds"
+            return ": the scene file has no such pair with its own thresholds"
         known = self._node.list_parameters([], 0).names
         near = difflib.get_close_matches(name, known, n=1)
         return f"; did you mean {near[0]}?" if near else ""
@@ -206,7 +206,7 @@ class SceneParameters:
     def _refusal(
         self,
         values: Mapping[str, Any],
-        way_out: str = "set both in one atomic call to move them past each other",
+        way_out: str = "set both in one atomic call",
     ) -> str:
         for prefix in self._groups:
             warn, stop = values[f"{prefix}.warn"], values[f"{prefix}.stop"]

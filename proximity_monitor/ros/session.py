@@ -306,7 +306,7 @@ class Session:
         if self._namesakes > before:
             logger.warning(
                 f"another node is called {name}: they publish on the same topics, and their results"
-                " are mixed; give one another name or namespace (-r __ns:=/other)"
+                " are mixed; give one of them another name or namespace (-r __ns:=/other)"
             )
         elif self._namesakes < before and not self._namesakes:
             logger.info(f"no other node is called {name} any more")
@@ -343,7 +343,7 @@ class Session:
 
     def _reset_minima(self) -> str:
         self._monitor.reset_minima()
-        return f"forgot the minima of {counted(len(self.scene.pairs), 'pair', 'pairs')}"
+        return f"reset the minima of {counted(len(self.scene.pairs), 'pair', 'pairs')}"
 
     def _pause(self, wanted: bool) -> str:
         was, self._ticking.paused = self._ticking.paused, wanted
@@ -351,7 +351,7 @@ class Session:
         if was == wanted:
             return f"already {'paused' if was else 'running'}"
         if wanted:
-            return "paused: nothing is watched or published until it goes on"
+            return "paused: nothing is watched or published until it resumes"
         self._alerts.interrupt()
         return "running again"
 

@@ -222,8 +222,8 @@ def _check_topics(
         for other, its in users.setdefault(full, []):
             if other is not kind or {its, whose} <= poses:
                 raise ValueError(
-                    f"{scene.path.name}: topic {full} is to carry {its} ({other.__name__}) and "
-                    f"{whose} ({kind.__name__}); give one of them another topic"
+                    f"{scene.path.name}: topic {full} would carry both {its} ({other.__name__}) "
+                    f"and {whose} ({kind.__name__}); give one of them another topic"
                 )
         users[full].append((kind, whose))
 
@@ -233,6 +233,6 @@ def _transforms_type():
         return importlib.import_module("tf2_msgs.msg").TFMessage
     except ImportError as error:
         raise ValueError(
-            "tf: needs the package tf2_msgs, which is not installed (no wheel of it exists; on a"
-            " machine with ROS 2: sudo apt install ros-$ROS_DISTRO-tf2-msgs); or set tf to false"
+            "tf: needs the package tf2_msgs, which is not installed and has no wheel; on a machine"
+            " with ROS 2, sudo apt install ros-$ROS_DISTRO-tf2-msgs; or set tf to false"
         ) from error

@@ -110,17 +110,17 @@ class Whereabouts:
         *poses, apart_s = self._inputs.together(parent, child)
         if apart_s:
             self._log.warning(
-                f"{child} is attached to {parent} by poses that are {apart_s:.3g} s apart, and no "
-                "closer ones are known: if both move, attach it again where one of them rests"
+                f"{child} is attached to {parent} by poses that are {apart_s:.3g} s apart, the "
+                "closest ones known: if both move, attach it again while one of them rests"
             )
         return poses[0], poses[1]
 
     def _look_at_clock(self, now_ns: int) -> None:
         if self.clock.update(now_ns, self._inputs.timeout_s):
             if self.clock.still:
-                self._log.warning("/clock stands still: all bodies are stale until it goes on")
+                self._log.warning("/clock stands still: all bodies are stale until it moves again")
             else:
-                self._log.info("/clock goes on")
+                self._log.info("/clock moves again")
 
     def _leave_out(self, held: Mapping[str, str], absent: frozenset[str]) -> None:
         """Stop watching attached bodies against each other, and clouds without points."""
@@ -131,7 +131,7 @@ class Whereabouts:
         for name in absent:
             for i, other in self._pairs_of(name, np.arange(len(names))):
                 nothing = absent & {name, names[other]}
-                unwatched[i] = f"nothing is seen of {' and '.join(sorted(nothing))}"
+                unwatched[i] = f"no points in {' and '.join(sorted(nothing))}"
         couples = ((child, np.array([self._at[parent]])) for child, parent in held.items())
         attached_pairs = [i for couple in couples for i, _ in self._pairs_of(*couple)]
         unwatched.update(dict.fromkeys(attached_pairs, "attached to each other: not watched"))

@@ -36,12 +36,13 @@ def parts_of(
             return
     if len(placements) < 2:
         if "moving_parts" in data:
-            report.add((*keys, "moving_parts"), "the model is no assembly of several parts")
+            problem = "is only for an assembly of several parts, without 'parts: false'; remove it"
+            report.add((*keys, "moving_parts"), problem)
         yield body
         return
     if "topic" in data:
-        message = "an assembly's parts have topics of their own; say 'moving: true', or "
-        report.add((*keys, "topic"), message + "'parts: false' if it is one rigid body")
+        message = "each part of an assembly has its own topic; write 'moving: true' instead, or "
+        report.add((*keys, "topic"), message + "add 'parts: false' if it is one rigid body")
     names = _names(body.name, [each.name for each in placements], {*taken, EVERYTHING})
     loose = set(data.get("moving_parts", ()))
     for missing in loose - {*names, *(each.name for each in placements)}:

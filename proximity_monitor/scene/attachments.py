@@ -70,17 +70,22 @@ class Attachments:
         """
         for child, parent in parents.items():
             if child not in self._moving:
-                return f"{child} is no moving body, so it cannot be attached"
+                return f"{child} cannot be attached, because it is not a moving body"
             if self._moving[child].topic is None:
-                return f"{child} is a robot's link, which moves by its joints; attach the other"
+                return (
+                    f"{child} is a robot link, which its joints move; attach the other body to it"
+                )
             if parent not in self._moving and parent not in self._fixed:
                 known = sorted({*self._moving, *self._fixed} - {child})
-                return f"no body is named '{parent}' to attach {child} to{meant(parent, known)}"
+                return (
+                    f"{child} cannot be attached: no body is named '{parent}'{meant(parent, known)}"
+                )
             chain = [child]
             while chain[-1] in parents:
                 chain.append(parents[chain[-1]])
                 if chain[-1] == child:
-                    return f"{' -> '.join(chain)} is a circle; detach one of them first"
+                    ring = " -> ".join(chain)
+                    return f"the attachments {ring} form a cycle; detach one of them first"
                 if len(chain) > len(parents) + 1:
                     break  # a circle that this child only leads to; its members report it
         return ""

@@ -85,7 +85,7 @@ def check_topics(bodies: Iterable[Body], file: str) -> None:
 
 def _unique(name: str, seen: dict[str, int], keys: Keys, report: Report) -> bool:
     if name in seen:
-        report.add(keys, f"'{name}' is taken on line {seen[name]}; each body needs its own")
+        report.add(keys, f"'{name}' is already used on line {seen[name]}; each body needs its own")
         return False
     seen[name] = report.line(keys)
     return True
@@ -102,7 +102,9 @@ def _body(data: dict[str, Any], keys: Keys, folder: Path, unit: Unit, report: Re
     if "primitive" in data:
         primitive = _primitive(data["primitive"], (*keys, "primitive"), unit, report)
     if isinstance(primitive, Cone | Torus) and data.get("solid") == "robust":
-        report.add((*keys, "solid"), "robust is for meshes; a cone or torus is a solid without it")
+        report.add(
+            (*keys, "solid"), "robust is only for meshes; a cone or torus is a solid already"
+        )
     pose = topic = cloud = None
     if "cloud" in data:
         primitive, cloud = Point(), _cloud(data["cloud"], (*keys, "cloud"), unit, report)
@@ -139,8 +141,8 @@ def check_clouds(section: list[dict[str, Any]], bodies: tuple[Body, ...], report
         if frame and frame not in posed:
             report.add(
                 ("bodies", index, "cloud", "frame"),
-                f"'{frame}' is no body with a pose; there are {listed(posed)}; leave 'frame' out"
-                " for the scene's frame",
+                f"'{frame}' is not a body with a pose; known: {listed(posed)}; leave 'frame' out "
+                "to use the scene's frame",
             )
 
 
@@ -173,8 +175,8 @@ def read_topic(topic: str, keys: Keys, report: Report) -> str:
     if not _TOPIC.fullmatch(topic):
         report.add(
             keys,
-            "must be a topic name: words of letters, digits and underscores, none with a digit in "
-            f"front, joined by single slashes (got {shown(topic)})",
+            "must be a topic name: words of letters, digits and underscores that do not begin with "
+            f"a digit, separated by single slashes (got {shown(topic)})",
         )
     elif len(topic) > _LONGEST_TOPIC:
         report.add(

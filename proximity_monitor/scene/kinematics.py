@@ -61,7 +61,7 @@ class Kinematics:
 
         Raises:
             KinematicsError: a name occurs twice, a joint names a link or joint that does not exist,
-                the links form no tree, or joints mimic each other in a ring.
+                the links form no tree, or joints mimic each other in a cycle.
         """
         self._check(links, joints)
         above = {joint.child: joint for joint in joints}
@@ -101,13 +101,15 @@ class Kinematics:
             if joint.child in parents:
                 raise KinematicsError(
                     f"link '{joint.child}' is the child of '{parents[joint.child]}' and of "
-                    f"'{joint.name}'; a link hangs on one joint"
+                    f"'{joint.name}'; a link can have only one parent"
                 )
             parents[joint.child] = joint.name
         roots = [link for link in links if link not in parents]
         if len(roots) != 1:
             found = ", ".join(roots) or "none"
-            raise KinematicsError(f"one link must be no joint's child, the root (got {found})")
+            raise KinematicsError(
+                f"exactly one link, the root, must not be a joint's child (got {found})"
+            )
 
     def above(self, link: str) -> Joint | None:
         """Return the joint that a link hangs on; None for the root."""
@@ -194,7 +196,7 @@ def _once(names: Sequence[str], what: str) -> None:
     seen = set()
     for name in names:
         if name in seen:
-            raise KinematicsError(f"{what} '{name}' stands twice; each needs a name of its own")
+            raise KinematicsError(f"{what} '{name}' is defined twice; each needs its own name")
         seen.add(name)
 
 
@@ -208,7 +210,7 @@ def _depths(links: Sequence[str], above: Mapping[str, Joint]) -> dict[str, int]:
             link = above[link].parent
             if link in way:
                 ring = ", ".join(way[way.index(link) :])
-                raise KinematicsError(f"links {ring} hang on each other in a ring")
+                raise KinematicsError(f"links {ring} form a cycle; they must form a tree")
         first = depth.setdefault(link, 0)
         for steps, each in enumerate(reversed(way), first + 1):
             depth[each] = steps
@@ -234,7 +236,7 @@ def _followers(
                 )
             joint = by_name[joint.mimic.joint]
             if joint.name in seen:
-                raise KinematicsError(f"joints {', '.join(seen)} mimic each other in a ring")
+                raise KinematicsError(f"joints {', '.join(seen)} mimic each other in a cycle")
             seen.append(joint.name)
         offset[row] = shift
         if joint.name in column:  # a fixed joint stays at 0

@@ -101,9 +101,9 @@ def parse(text: str | bytes) -> Lined:
     except expat.ExpatError as error:
         at = f"line {error.lineno + skipped}, column {error.offset}"
         what = expat.ErrorString(error.code)
-        raise MarkupError(f"is not XML that can be read: {what}: {at}") from None
+        raise MarkupError(f"cannot be read as XML: {what}: {at}") from None
     except (ValueError, LookupError) as error:
-        raise MarkupError(f"is not XML that can be read: {error}") from None
+        raise MarkupError(f"cannot be read as XML: {error}") from None
     return builder.close()
 
 
@@ -116,8 +116,8 @@ def _expanded(path: Path, arguments: Mapping[str, str]) -> str:
         import xacro
     except ImportError:
         raise MarkupError(
-            "needs xacro to be expanded, which is not installed: pip install xacro (it is part of "
-            "the extra 'robots'), or sudo apt install ros-$ROS_DISTRO-xacro"
+            "needs xacro, which is not installed: pip install xacro (it is part of the extra "
+            "'robots'), or sudo apt install ros-$ROS_DISTRO-xacro"
         ) from None
     asked = arguments.asked if isinstance(arguments, Arguments) else None
     try:
@@ -129,5 +129,5 @@ def _expanded(path: Path, arguments: Mapping[str, str]) -> str:
 
 def _reason(error: Exception) -> str:
     if isinstance(error, ModuleNotFoundError) and error.name == "ament_index_python":
-        return "$(find PACKAGE) needs ROS 2, which is not installed; name the file by its path"
+        return "$(find PACKAGE) needs ROS 2, which is not installed; write the path itself"
     return " ".join(str(error).split()) or repr(error)

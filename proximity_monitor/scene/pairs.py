@@ -34,8 +34,8 @@ def read_settings(
         if given:
             report.add(
                 (*keys, "thresholds"),
-                "mean nothing where the question is 'collide', which alerts on contact alone; "
-                "remove them, or ask 'within'",
+                "have no effect with 'question: collide', which alerts only on contact; remove "
+                "them, or set 'question: within'",
             )
     limits = PairSettings(
         rel_err=float(tolerance.get("rel_err", defaults.rel_err)),
@@ -117,7 +117,7 @@ def read_pairs(
     if not pairs:
         report.add(
             ("pairs",),
-            "leaves no pair to watch; a pair needs two bodies, and one of them moving",
+            "leaves no pair to watch; a pair needs two bodies, and at least one must move",
         )
     return pairs
 
@@ -179,7 +179,7 @@ class _Names:
         pairs = np.stack((np.minimum(a, b), np.maximum(a, b)), axis=1).astype(np.int64)
         pairs = pairs[pairs[:, 0] != pairs[:, 1]]
         if left and right and not len(pairs):
-            self._report.add(keys, f"'{two[0]}' and '{two[1]}' are one body; name two")
+            self._report.add(keys, f"'{two[0]}' and '{two[1]}' are the same body; name two bodies")
         return pairs
 
     def pair(self, a: str, b: str) -> tuple[int, int]:

@@ -27,7 +27,7 @@ def bundled(name: str) -> Path:
     """
     names = bundled_names()
     if name not in names:
-        raise SceneError(f"no bundled scene {name!r}; there is {', '.join(names) or 'none'}")
+        raise SceneError(f"no bundled scene {name!r}; known: {', '.join(names) or 'none'}")
     return _BUNDLED / name / "scene.yaml"
 
 
@@ -53,12 +53,12 @@ def model_path(text: str, folder: Path, *, or_folder: bool = False) -> Path:
     if text.startswith(_SCHEME):
         package, _, rest = text.removeprefix(_SCHEME).partition("/")
         if not package or not rest:
-            raise SceneError(f"must read package://PACKAGE/PATH (got {text!r})")
+            raise SceneError(f"must have the form package://PACKAGE/PATH (got {text!r})")
         candidates = [share / rest for share in _shares(package)]
         if not candidates:
             raise SceneError(
-                f"package '{package}' is in no prefix of AMENT_PREFIX_PATH; "
-                "source the workspace that has it"
+                f"package '{package}' was not found in AMENT_PREFIX_PATH; "
+                "source the workspace that contains it"
                 + (f", or, {WITH_ROBOTS}" if package in _DATA_ON_PYPI else "")
             )
     else:
@@ -67,7 +67,7 @@ def model_path(text: str, folder: Path, *, or_folder: bool = False) -> Path:
         # If a name is too long, os.path returns False, whereas pathlib raises an error.
         if os.path.isfile(path) or (or_folder and os.path.isdir(path)):
             return path
-    raise SceneError(f"no such file: {', nor '.join(map(str, candidates))}")
+    raise SceneError(f"no such file: {' or '.join(map(str, candidates))}")
 
 
 def mesh_path(text: str, urdf: Path) -> Path:
@@ -88,16 +88,18 @@ def mesh_path(text: str, urdf: Path) -> Path:
     if text.startswith("file://"):
         text = text.removeprefix("file://")
         if not text.startswith("/"):
-            raise SceneError(f"must read file:///PATH, with three slashes (got 'file://{text}')")
+            raise SceneError(
+                f"must have the form file:///PATH, with three slashes (got 'file://{text}')"
+            )
     elif text.startswith(_SCHEME):
         package, _, rest = text.removeprefix(_SCHEME).partition("/")
         if os.path.normpath(rest).startswith(("..", "/")):
-            raise SceneError(f"'{text}' leaves its package; name a file inside it")
+            raise SceneError(f"'{text}' is outside its package; name a file inside it")
         for folder in urdf.parents:
             if package and folder.name == package and os.path.isfile(folder / rest):
                 return folder / rest
     elif "://" in text:
-        raise SceneError(f"'{text}': read are package://, file:// and plain paths")
+        raise SceneError(f"'{text}' must begin with package:// or file://, or be a plain path")
     return model_path(text, urdf.parent)
 
 

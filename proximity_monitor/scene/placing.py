@@ -127,8 +127,8 @@ class Placing:
             model.deform(before)
             self._reshape(model, 0.0)
             raise engine.ModelError(
-                f"body '{name}' is a solid, and would be none: {reason}; say 'solid: false' in the "
-                "scene if it is to be a surface"
+                f"body '{name}' is a solid, but would no longer be one: {reason}; set "
+                "'solid: false' in the scene if it may be a surface"
             )
         self._reshape(model, displacement)
 

@@ -70,8 +70,9 @@ def check_solid(body: Body, model: engine.Model) -> None:
     """Raise ModelError if a body must be a solid but its model is none."""
     if body.solid is True and not model.is_solid:
         raise engine.ModelError(
-            f"{body.solid_at or 'solid'}: true, but body '{body.name}' is none: {model.not_solid}; "
-            "repair the model, say 'robust', which bridges holes, or leave the key out"
+            f"{body.solid_at or 'solid'}: true, but body '{body.name}' is not a solid: "
+            f"{model.not_solid}; repair the model, write 'solid: robust', "
+            "which bridges holes, or remove the key"
         )
 
 

@@ -93,7 +93,7 @@ def spelled(keys: Keys) -> str:
 def meant(name: str, known: Collection[str]) -> str:
     """Return the end of a sentence about an unknown name: the likeliest known one, or all."""
     near = difflib.get_close_matches(name, known, n=1)
-    return f"; did you mean '{near[0]}'?" if near else f"; known are {listed(known)}"
+    return f"; did you mean '{near[0]}'?" if near else f"; known: {listed(known)}"
 
 
 def listed(names: Collection[str]) -> str:

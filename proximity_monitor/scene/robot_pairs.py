@@ -76,9 +76,15 @@ def _named(pairs: list[list[str]], keys: Keys, names: Mapping[str, str], report:
     for index, pair in enumerate(pairs):
         for at, link in enumerate(pair):
             if link not in names:
-                report.add((*keys, index, at), f"no link '{link}' has a shape", (link, names))
+                report.add(
+                    (*keys, index, at),
+                    f"the robot has no link '{link}' with a shape",
+                    (link, names),
+                )
         if pair[0] == pair[1]:
-            report.add((*keys, index), f"'{pair[0]}' and '{pair[1]}' are one link; name two")
+            report.add(
+                (*keys, index), f"'{pair[0]}' and '{pair[1]}' are the same link; name two links"
+            )
         yield frozenset(pair)
 
 
@@ -113,9 +119,9 @@ def _touching(robot: Robot, bodies: list[Body], keys: Keys, unit: Unit, report: 
         if found.lower <= same:
             (touching if found.upper <= same else open_).append((a, b))
     for pairs, said in (
-        (touching, "not watched, as they touch where the robot starts"),
-        (open_, "watched, as it is open whether they touch where the robot starts, by their "
-                "deviations; name in 'exclude' those that do"),
+        (touching, "not watched, because they touch at the robot's start positions"),
+        (open_, "watched, although they may touch at the robot's start positions (their deviations "
+                "leave it open); list those that do in 'exclude'"),
     ):  # fmt: skip
         if pairs:
             report.warn(keys, f"{said}: {listed([f'{a} - {b}' for a, b in pairs])}")

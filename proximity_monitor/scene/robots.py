@@ -71,7 +71,7 @@ def read_robots(
     for index, data in enumerate(section):
         keys = ("robots", index)
         if data["name"] in taken:
-            report.add((*keys, "name"), f"'{data['name']}' is taken; each robot needs its own name")
+            report.add((*keys, "name"), f"'{data['name']}' is already used; choose another name")
         taken.add(data["name"])
         urdf, srdf = _descriptions(data, keys, folder, report, describe)
         reader = _Reader(data, keys, urdf, unit, report)
@@ -110,10 +110,10 @@ def _descriptions(
             srdf = read_srdf(model_path(data[key], folder), arguments)
         key = "xacro_args"
         if arguments and not any(is_xacro(Path(str(data.get(each)))) for each in ("urdf", "srdf")):
-            raise SceneError("are for xacro files, whose names end in .xacro; remove them")
+            raise SceneError("apply only to xacro files, whose names end in .xacro; remove them")
         for name in given.keys() - arguments.asked:
             known = meant(name, sorted(arguments.asked))
-            report.warn((*keys, key, name), f"no xacro file asks for '{name}'{known}")
+            report.warn((*keys, key, name), f"no xacro file has the argument '{name}'{known}")
     except (SceneError, UrdfError, SrdfError) as error:
         report.add((*keys, key), str(error))
         report.check()  # nothing that names links can be checked without them
@@ -132,8 +132,8 @@ def _urdf(
     topic = source["topic"]
     if describe is None:
         raise SceneError(
-            f"the description comes from the topic {topic}, so this scene can be used by the nodes "
-            "alone; name a file to use it here"
+            f"the description comes from the topic {topic}, so only the nodes can use this scene; "
+            "name a file in 'urdf' to use it here"
         )
     return parse_urdf(describe(topic), f"topic {topic}", folder)
 
@@ -202,8 +202,8 @@ class _Reader:
         if links:
             self._report.warn(
                 (*self._keys, "meshes"),
-                f"not watched, as they have a {other} shape alone: {listed(links)}; give them a "
-                f"{wanted} shape, or set 'meshes: {other}'",
+                f"not watched, because they have only a {other} shape: {listed(links)}; give them "
+                f"a {wanted} shape, or set 'meshes: {other}'",
             )
 
     def _tell_nothing_to_watch(self) -> NoReturn:
@@ -232,7 +232,8 @@ class _Reader:
                 if not joint.lower - _ROUNDED <= start[name] <= joint.upper + _ROUNDED:
                     low, high = joint.lower / factor, joint.upper / factor
                     self._report.add(
-                        keys, f"must be {low:.6g} to {high:.6g}, its limits (got {value:g})"
+                        keys,
+                        f"must be within its limits, {low:.6g} to {high:.6g} (got {value:g})",
                     )
         return start
 
@@ -256,8 +257,8 @@ class _Reader:
             if name in taken:
                 self._report.add(
                     (*self._keys, "name"),
-                    f"link '{link.name}' would be the body '{name}', a name that is taken; "
-                    "give the robot another one",
+                    f"link '{link.name}' would become the body '{name}', but that name is already "
+                    "used; give the robot another name",
                 )
             taken.add(name)
             pose = None
@@ -294,8 +295,8 @@ def check_script(section: Mapping[str, Any], robots: tuple[Robot, ...], report: 
     for name, joint in section.get("script", {}).get("joints", {}).items():
         keys, owned = ("motion", "script", "joints", name), free.get(name, [])
         if len(owned) > 1:
-            owners = " and ".join(f"'{robot.name}/{joint.name}'" for robot, joint in owned)
-            report.add(keys, f"is a joint of several robots; say {owners}")
+            owners = " or ".join(f"'{robot.name}/{joint.name}'" for robot, joint in owned)
+            report.add(keys, f"is a joint of several robots; write {owners}")
             continue
         (kind,) = joint
         found = _joint(name, kind, firsts, keys, report)
@@ -306,8 +307,8 @@ def check_script(section: Mapping[str, Any], robots: tuple[Robot, ...], report: 
             if other is not robot and shared and found.name in names:
                 report.add(
                     keys,
-                    f"robots '{robot.name}' and '{other.name}' read '{found.name}' from one topic, "
-                    f"{rooted(robot.topic)} without a namespace; give each a topic of its own",
+                    f"robots '{robot.name}' and '{other.name}' read '{found.name}' from the same "
+                    f"topic, {rooted(robot.topic)} (without a namespace); give each its own topic",
                 )
 
 
@@ -331,11 +332,11 @@ def _joint(
     `kind` is the key under which the file gives the joint's positions: angles_deg or offsets.
     """
     if name not in free:
-        report.add(keys, f"no joint '{name}' can be set", (name, free))
+        report.add(keys, f"'{name}' is not a joint whose position can be set", (name, free))
         return None
     slides = free[name].kind == "prismatic"
     if slides != (kind == "offsets"):
         does, wanted = ("slides", "offsets") if slides else ("turns", "angles_deg")
-        report.add(keys, f"'{name}' {does}; its positions are '{wanted}'")
+        report.add(keys, f"'{name}' {does}; give its positions as '{wanted}'")
         return None
     return free[name]

@@ -104,7 +104,7 @@ def _problems(error: ValidationError) -> Iterator[tuple[Keys, str]]:
         yield keys, f"needs the key {choices}"
     elif rule == "not":  # keys that stand for the same thing
         if isinstance(got, dict):  # if not, another finding reports the type
-            yield keys, f"needs only one of {', '.join(map(repr, value['required']))}"
+            yield keys, f"can have only one of {', '.join(map(repr, value['required']))}"
     elif rule == "type":
         kinds = [value] if isinstance(value, str) else value
         way_out = ""
@@ -129,7 +129,7 @@ def _problems(error: ValidationError) -> Iterator[tuple[Keys, str]]:
     elif rule == "minLength":
         yield keys, "must not be empty"
     elif rule == "uniqueItems":
-        yield keys, "must not name anything twice"
+        yield keys, "must not contain anything twice"
     else:
         yield keys, error.message
 
@@ -149,4 +149,4 @@ def _meant(key: str, known: list[str]) -> str:
     near = difflib.get_close_matches(key, known, n=1)
     if near:
         return f"; did you mean '{near[0]}'?"
-    return f"; known here: {', '.join(known)}" if known else ""
+    return f"; known: {', '.join(known)}" if known else ""

@@ -123,7 +123,7 @@ class _Reader:
             if key in data:
                 first = self._report.line(at)
                 self._report.lines[at] = line
-                self._report.add(at, f"stands twice, first on line {first}; keep one of them")
+                self._report.add(at, f"appears twice, first on line {first}; keep one of them")
             self._report.lines[at] = line
             data[key] = self.value(value_node, at)
         return data
@@ -136,8 +136,8 @@ class _Reader:
         if node.tag in _NUMBERS and _ODD.match(node.value):
             self._report.add(
                 keys,
-                f"{node.value[:40]} would be another number in YAML 1.1; write it without a zero "
-                "in front and without colons, or put it in quotes if it is text",
+                f"{node.value[:40]} is a different number in YAML 1.1; write it without a "
+                "leading zero and without colons, or put it in quotes if it is text",
             )
             return None
         try:
@@ -149,7 +149,7 @@ class _Reader:
             return None
         except (ValueError, LookupError, yaml.YAMLError):
             self._report.add(
-                keys, f"does not read as {node.tag.removeprefix(_YAML)}: {node.value[:40]!r}"
+                keys, f"cannot be read as {node.tag.removeprefix(_YAML)}: {node.value[:40]!r}"
             )
             return None
         self._report.texts[keys] = node.value

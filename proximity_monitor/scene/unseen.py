@@ -39,13 +39,14 @@ class Unseen:
         more = f" and {self.count - len(self.pairs)} more" if self.count > len(self.pairs) else ""
         what = "pair cannot" if self.count == 1 else "pairs cannot"
         lines = [
-            f"{self.count} watched {what} see one body inside the other, as the larger is no "
-            f"solid: {named}{more}; repair its model, or say 'solid: robust' if it is a mesh"
+            f"{self.count} watched {what} detect one body inside the other, because the "
+            f"larger is not a solid: {named}{more}; repair its model, or set 'solid: robust' if it "
+            "is a mesh"
         ]
         reasons = list(self.reasons.items())
-        lines += [f"no solid: {name}: {reason}" for name, reason in reasons[:_NAMED]]
+        lines += [f"not a solid: {name}: {reason}" for name, reason in reasons[:_NAMED]]
         if len(reasons) > _NAMED:
-            lines.append(f"no solid: {len(reasons) - _NAMED} more bodies")
+            lines.append(f"not a solid: {len(reasons) - _NAMED} more bodies")
         return "\n".join(lines)
 
 

@@ -118,11 +118,11 @@ class _Reader:
             self._fail(f"<{root.tag}>", "a robot description begins with <robot>")
         if (version := root.get("version", "1.0")) not in _VERSIONS:
             known = ", ".join(_VERSIONS[1:])
-            self._fail("<robot>", f"version {shown(version)} is not supported; read are {known}")
+            self._fail("<robot>", f"version {shown(version)} is not supported; known: {known}")
         if _has_macros(root):
             self._fail(
                 "the file",
-                "holds xacro macros; let its name end in .xacro, or expand them first: "
+                "contains xacro macros; rename it to end in .xacro, or expand them first: "
                 "xacro IN.xacro > OUT.urdf",
             )
 
@@ -175,7 +175,7 @@ class _Reader:
                 self._positive(here, *sizes)
                 shape = Capsule(*sizes)
             else:
-                self._fail(here, "unknown shape; read are mesh, box, cylinder, sphere and capsule")
+                self._fail(here, "unknown shape; known: mesh, box, cylinder, sphere, capsule")
             yield Shape(shape, scale, *self._origin(element, here))
 
     def _joint(self, element: Element) -> Joint:
@@ -226,7 +226,7 @@ class _Reader:
         if found.get("quat_xyzw") is None:
             return xyz, self._vector(found, "rpy", here, zero)
         if found.get("rpy") is not None:
-            self._fail(here, "needs only one of rpy, quat_xyzw")
+            self._fail(here, "can have only one of rpy, quat_xyzw")
         quaternion = self._numbers(found, "quat_xyzw", here, 4, None)
         length = math.hypot(*quaternion)
         if length < sys.float_info.min:

@@ -45,7 +45,7 @@ def test_a_moment_whose_tick_was_not_kept_is_said_to_be_another_tick_s(page):
     page.session._frames = [each for each in page.session.frames if each.stamp_s != 101.0]
     page.all._on_word(f"event:{event.number}")
     page.tell(frame=frame(102.0))
-    assert "looking back by 1.0 s: only" in words(page.all._pill)  # its pair and poses are known
+    assert "looking back 1.0 s: only" in words(page.all._pill)  # its pair and poses are known
     page.choice.pair = None
     page.tell(frame=frame(102.0))
     assert page.all._shown.frame.stamp_s == 101.5

@@ -151,7 +151,7 @@ def test_no_other_display_writes_between_read_and_write(scene, beside):
     one.decide(PAIR, FITS)
     with alone_in(beside):
         one.follow(scene, 0.0)
-        assert f"{beside}: another display writes there now" in one.problem
+        assert f"{beside}: another display is writing to it" in one.problem
     one.follow(scene, 2.0 * LOOK_S)
     assert one.problem == ""
     assert following(scene).all == {frozenset(PAIR): FITS}
@@ -293,7 +293,7 @@ def test_what_another_browser_decided_is_not_overwritten_unseen(alone):
     assert panel._comment.value == "no, it does not fit"
     press(panel)
     alone.tell(frame=frame(4.0))
-    assert "somebody else has decided ignored: a press fit" in words(panel._note)
+    assert "somebody else chose ignored: a press fit" in words(panel._note)
     assert decisions.all[frozenset(NAMES)].comment == FITS.comment
     press(panel)
     alone.tell(frame=frame(5.0))

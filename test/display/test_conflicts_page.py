@@ -139,7 +139,7 @@ def test_a_decision_is_in_the_file_and_on_the_page_of_the_next_display(
     wait(lambda: PAIR in note.inner_text(), "the pair in the panel")
     select(page, field(page, "Status"), "accepted")
     enter(page, "Comment", "hält Abstand 间隙")
-    button(page, "Keep the status").click()
+    button(page, "Save the status").click()
     told = "accepted at 200.000 mm: hält Abstand 间隙"
     wait(lambda: told in note.inner_text(), "the decision in the panel")
     wait(lambda: told in row(page, PAIR)[2], "the decision in the list")

@@ -224,5 +224,5 @@ def test_the_turbine_on_the_page(demo, browser, wait, eventually):
     assert page.errors == []
     os.kill(process.display(), signal.SIGKILL)
     ended = "The page has ended (exit code -9)"
-    assert wait(lambda: process.says(ended), "the demo to say so") == ": without a word"
+    assert wait(lambda: process.says(ended), "the demo to say so") == ": no message"
     assert process.interrupt() == 0

@@ -395,6 +395,6 @@ def test_the_smallest_clearances_begin_anew(put, page, wait):
     wait(lambda: not worst.count() or "41." not in worst.inner_text(), "a small one")
     put(0, 0, -10)
     tab(page, "Session")
-    button(page, "Forget the smallest clearances").click()
+    button(page, "Reset the smallest clearances").click()
     wait(lambda: "0.050 mm" in worst.inner_text(), "the present one")
-    wait(lambda: page.inner_text("#pm-reset") == "the monitor forgot the minima of 1 pair", "it")
+    wait(lambda: page.inner_text("#pm-reset") == "the monitor reset the minima of 1 pair", "it")

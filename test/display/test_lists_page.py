@@ -112,10 +112,12 @@ def test_every_conflict_is_reached_and_its_status_too(long_session, wait):
     wait(lambda: seen(made, page, CHOSEN, 2) == ["10.990 mm"], "that moment")
     page.get_by_text("Status of the pair", exact=True).click()
     note = page.locator("#pm-decided")
-    wait(lambda: made.tell() or "about this moment: 10.990 mm" in note.inner_text(), "the panel")
+    wait(
+        lambda: made.tell() or "refers to this moment: 10.990 mm" in note.inner_text(), "the panel"
+    )
     select(page, field(page, "Status"), "accepted")
     enter(page, "Comment", "as drawn")
-    button(page, "Keep the status").click()
+    button(page, "Save the status").click()
     told = "accepted at 10.990 mm: as drawn"
     wait(lambda: made.tell() or told in note.inner_text(), "the decision")
     tab(page, "Session")

@@ -94,12 +94,12 @@ def test_what_makes_it_another_scene(changed, other):
 
 @pytest.mark.parametrize("text", ["[]", "{}", json.dumps(TOLD | {"unit": {"symbol": "mm"}})])
 def test_what_is_no_scene_is_refused_with_the_way_out(text):
-    with pytest.raises(ValueError, match="is the monitor of the same version"):
+    with pytest.raises(ValueError, match="do monitor and display have the same"):
         SceneInfo.read(text)
 
 
 def test_a_text_that_no_browser_can_be_told_makes_it_unreadable():
-    with pytest.raises(ValueError, match=r"not Unicode: it has \\ud83d alone"):
+    with pytest.raises(ValueError, match=r"not Unicode: it has the lone surrogate \\ud83d"):
         SceneInfo.read(json.dumps(TOLD | {"description": "ok \ud83d"}))
 
 

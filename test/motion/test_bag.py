@@ -149,32 +149,32 @@ BAD = {
     ),
     "a list where one is named": (
         {"tool": FINGERS},
-        "taken: /tool: has messages of type geometry_msgs/msg/PoseArray; a body's name needs",
+        "taken: /tool: has messages of type geometry_msgs/msg/PoseArray; a single name needs",
     ),
     "another type": (
         {"tool": [(0.0, bags.header(0.0, "cell"))]},
-        "taken: /tool: has messages of type std_msgs/msg/Header; a body's name needs",
+        "taken: /tool: has messages of type std_msgs/msg/Header; a single name needs",
     ),
-    "no message": ({"tool": []}, "taken: /tool: the bag holds no message of it"),
+    "no message": ({"tool": []}, "taken: /tool: the bag has no messages on this topic"),
     "another number of poses": (
         {"fingers": [FINGERS[0], array(1.0, (0, 0, 0))]},
-        "taken: /fingers: message 2 has 1 poses, the scene names 2 bodies",
+        "taken: /fingers: message 2 has 1 poses, but the scene names 2 bodies",
     ),
     "not finite": (
         {"tool": [TOOL[0], stamped(1.0, (0, float("nan"), 0))]},
-        "taken: /tool: message 2 has no finite pose with a quaternion of length 1: .*nan",
+        "taken: /tool: message 2 has a pose that is not finite, or .*nan",
     ),
     "not unit": (
         {"tool": [stamped(0.0, (0, 0, 0), (0, 0, 0, 0))]},
-        "taken: /tool: message 1 has no finite pose with a quaternion of length 1",
+        "taken: /tool: message 1 has a pose that is not finite, or whose quaternion",
     ),
     "beyond all numbers": (
         {"tool": [stamped(0.0, (0, 0, 0), (1e200, 0, 0, 1e200))]},
-        "taken: /tool: message 1 has no finite pose with a quaternion of length 1",
+        "taken: /tool: message 1 has a pose that is not finite, or whose quaternion",
     ),
     "garbage": (
         {"tool": [TOOL[0], (1.0, b"\0\1\0\0garbage")]},
-        "taken: /tool: message 2 does not read as geometry_msgs/msg/PoseStamped",
+        "taken: /tool: message 2 cannot be read as geometry_msgs/msg/PoseStamped",
     ),
 }
 
@@ -194,7 +194,9 @@ def test_a_topic_that_is_not_there_is_told_with_those_that_are(load, tmp_path, s
 
 def test_seeking_beyond_the_end_is_refused(load, taken):
     taken()
-    with pytest.raises(ValueError, match=r"taken: lasts 4 s, so nothing is left after seek_s, 5 s"):
+    with pytest.raises(
+        ValueError, match=r"taken: lasts 4 s, so nothing is left to play after seek_s, 5 s"
+    ):
         load("    seek_s: 5\n")
 
 
@@ -206,7 +208,7 @@ def test_what_is_no_bag_is_refused(tmp_path, name):
     else:
         path.write_bytes(b"\x89MCAP0\r\nSQLite format 3\0" * 9)
     (tmp_path / "scene.yaml").write_text(SCENE.replace("path: taken", f"path: {name}"))
-    with pytest.raises(ValueError, match=f"{name}: does not read as a ROS 2 bag"):
+    with pytest.raises(ValueError, match=f"{name}: .* a ROS 2 bag"):
         motion.from_scene(scene.load_scene(tmp_path / "scene.yaml"))
 
 
@@ -230,7 +232,7 @@ def test_a_damaged_bag_is_refused(load, taken, storage):
     (file,) = (each for each in taken(storage).iterdir() if each.suffix != ".yaml")
     whole = file.read_bytes()
     file.write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(ValueError, match="taken: does not read as a ROS 2 bag"):
+    with pytest.raises(ValueError, match="taken: cannot be read as a ROS 2 bag"):
         load()
 
 

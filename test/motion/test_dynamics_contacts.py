@@ -185,7 +185,9 @@ def test_a_penalty_holds_a_box_on_springs():
 
 def test_bodies_that_touch_at_the_start_are_refused_by_name():
     body = moving(box(0.1, 0.1, 0.1), at((0.0, 0.0, 0.05)), name="crate")
-    with pytest.raises(ValueError, match="'crate' and 'floor' touch at the start"):
+    with pytest.raises(
+        ValueError, match="'crate' and 'floor' touch, or nearly touch, at the start"
+    ):
         on_floor([body])
 
 

@@ -194,7 +194,7 @@ def test_time_must_be_finite(tmp_path):
         ("        density: 500\n", "", "dynamics.bodies.crate: needs the key 'density'"),
         ("      crate:", "      chest:", "no body is named 'chest'"),
         ("      crate:", "      table:", "'table' is fixed"),
-        ("    bodies:", "    friction: 0.5\n    bodies:", "friction: belongs to contacts"),
+        ("    bodies:", "    friction: 0.5\n    bodies:", "friction: needs 'contacts'"),
         (
             "    bodies:",
             "    contacts: {method: penalty}\n    bodies:",
@@ -203,7 +203,7 @@ def test_time_must_be_finite(tmp_path):
         (
             "    bodies:",
             "    contacts: {method: penalty, stiffness: 9}\n    restitution: 1\n    bodies:",
-            "restitution: belongs to the method 'impulse'",
+            "restitution: can be used only with the method 'impulse'",
         ),
         (
             "    bodies:",
@@ -213,7 +213,7 @@ def test_time_must_be_finite(tmp_path):
         (
             "    bodies:",
             "    contacts: {method: impulse, stiffness: 9}\n    bodies:",
-            "stiffness: belongs to the method 'penalty'",
+            "stiffness: can be used only with the method 'penalty'",
         ),
         ("velocity: [200, 0, 0]", "velocity: [1.0e+308, 0, 0]", r"crate.velocity\[0\]: "),
         ("spin_deg_s: [0, 0, 180]", "spin_deg_s: [0, 0, -1.0e+7]", r"crate.spin_deg_s\[2\]: "),

@@ -183,7 +183,7 @@ def test_bodies_that_grow_into_each_other_are_told():
     assert "stopped" not in made.describe()
     assert made.trouble == Together([made]).trouble == ""
     made.poses(0.02)
-    assert made.trouble.startswith("dynamics: 'crate' and 'ball' touched, so they are stuck; make")
+    assert made.trouble.startswith("dynamics: 'crate' and 'ball' touched, so they are stuck; use")
     assert Together([made]).trouble == made.trouble
     assert re.search("stopped [0-9]+ times", made.describe())
     told = made.trouble

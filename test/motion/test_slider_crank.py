@@ -138,7 +138,7 @@ def test_it_says_what_it_is():
         ({"crank_axis": (0.0, 0.0, 1.0)}, "slide_direction: must be perpendicular"),
         ({"slide_direction": (0.0, 1.0)}, "slide_direction: needs three numbers"),
         ({"crank_origin": (0.0, math.inf, 0.0)}, "crank_origin: .* is not finite"),
-        ({"pistons": {}}, "pistons: names no piston"),
+        ({"pistons": {}}, "pistons: must name at least one piston"),
         ({"pistons": {"crankshaft": {"phase": 0.0, "offset": (0, 0, 0)}}}, "pistons: .* the crank"),
         ({"pistons": {"p": {"phase": 0.0, "offset": (0, 0.01, 0)}}}, r"pistons\.p\.offset: leaves"),
     ],

@@ -81,8 +81,8 @@ def test_a_child_is_stale_with_its_parent_and_stays_where_it_was_put_down(detach
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
-        ({"attachments__ball": "ball"}, "ball -> ball is a circle"),
-        ({"attachments__ball": "die", "attachments__die": "ball"}, "is a circle"),
+        ({"attachments__ball": "ball"}, "ball -> ball form a cycle"),
+        ({"attachments__ball": "die", "attachments__die": "ball"}, "form a cycle"),
         ({"attachments__ball": "lid"}, "no body is named 'lid'"),
         ({"attachments__table": "ball"}, "undeclared"),
     ],
@@ -129,5 +129,5 @@ def test_a_circle_given_at_start_ends_the_node_with_the_reason(launch, scene_fil
     both = {"attachments.ball": "die", "attachments.die": "ball"}
     process = launch("node", scene=scene_file, **both)
     assert process.ended() == 1
-    assert "ball -> die -> ball is a circle" in process.text
+    assert "ball -> die -> ball form a cycle" in process.text
     assert "Traceback" not in process.text

@@ -144,7 +144,7 @@ def test_a_cloud_without_points_is_clear_only_as_long_as_it_comes(sensors):
     sensors.clouds["scan"] = np.empty((0, 3))
     sensors.peer.wait(lambda: sensors.peer.pairs() and not sensors.pair("scan"), "it to be gone")
     alert = sensors.peer.wait(lambda: sensors.peer.alerts("wall - scan"), "an alert")[-1]
-    assert alert.message.endswith(" -> clear: nothing is seen of scan")
+    assert alert.message.endswith(" -> clear: no points in scan")
     sensors.peer.wait(lambda: sensors.peer.next("clearance").data > 0.4, "a clearance of the rest")
     del sensors.clouds["scan"]
     sensors.wait_for_state("scan", "stale")

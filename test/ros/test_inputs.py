@@ -91,9 +91,9 @@ def test_a_serialised_pose_is_read_as_rclpy_reads_it(frame, numbers):
 
 @pytest.mark.parametrize("data", [b"", b"\0\1\0\0", b"\0\1\0\0" + b"\xff" * 64, b"\x63\x01\0\0 no"])
 def test_what_is_no_serialised_message_is_refused(data):
-    with pytest.raises(ValueError, match="no serialised PoseArray"):
+    with pytest.raises(ValueError, match="not a serialised PoseArray"):
         read_pose_array(data)
-    with pytest.raises(ValueError, match="no serialised PoseStamped"):
+    with pytest.raises(ValueError, match="not a serialised PoseStamped"):
         read_pose(data)
 
 

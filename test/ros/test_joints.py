@@ -385,7 +385,7 @@ def test_many_unknown_joints_are_told_of_by_some(bench, capfd):
     names = [f"other{i}" for i in range(20_000)]
     bench.tell(names=names, positions=[0.0] * len(names))
     said = capfd.readouterr().err
-    assert said.count("is not of a robot in the scene") == 20
+    assert said.count("does not belong to a robot in the scene") == 20
     assert "and 19980 more joints" in said
     for step in range(5):
         bench.tell(names=[f"{name}.{step}" for name in names], positions=[0.0] * len(names))

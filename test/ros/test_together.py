@@ -121,8 +121,8 @@ def test_poses_that_are_apart_for_all_that_is_known_are_told(cell, before_ms, ti
     cell.inputs.timeout_s = timeout_s
     np.testing.assert_allclose(cell.attached(), (2.0, 0.0, 0.0), atol=1e-12)
     assert cell.warned == [
-        "cup is attached to hand by poses that are 0.05 s apart, and no closer ones are known: if"
-        " both move, attach it again where one of them rests"
+        "cup is attached to hand by poses that are 0.05 s apart, the closest ones known: if both"
+        " move, attach it again while one of them rests"
     ]
 
 

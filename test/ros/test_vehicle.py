@@ -87,10 +87,10 @@ def description(rclpy_context, monitor):
     import rclpy
 
     wanted = "waiting for the robot description on /hall/robot_description"
-    told(monitor, f"{wanted} (std_msgs/msg/String): nobody publishes it yet")
+    told(monitor, f"{wanted} (std_msgs/msg/String): it has no publisher yet")
     node = rclpy.create_node("describer", namespace="/hall")
     volatile = node.create_publisher(String, "robot_description", 1)
-    told(monitor, "its publisher is volatile and must be transient local")
+    told(monitor, "its publisher's durability is volatile, but must be")
     node.destroy_publisher(volatile)
     publisher = node.create_publisher(String, "robot_description", LATCHED)
     publisher.publish(String(data=LOADER))
@@ -181,11 +181,11 @@ def test_an_override_may_name_a_pair_in_either_order(loader):
 
 def test_an_override_that_names_nothing_is_told(loader):
     text = loader.monitor.text
-    nothing = "was given, but there is none of that name"
+    nothing = "is set, but no parameter has that name"
     assert f"parameter thresholdz.warn {nothing}; did you mean thresholds.warn?" in text
     assert (
-        f"parameter pairs.wall.loader_lamp.warn {nothing}: the scene file watches no such pair with"
-        " thresholds of its own" in text
+        f"parameter pairs.wall.loader_lamp.warn {nothing}: the scene file has no such pair with"
+        " its own thresholds" in text
     )
     assert text.count(nothing) == 2
 

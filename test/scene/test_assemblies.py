@@ -89,9 +89,12 @@ def test_an_assembly_may_be_one_rigid_body(tmp_path):
 @pytest.mark.parametrize(
     ("more", "message"),
     [
-        ("topic: there", "topic: an assembly's parts have topics of their own"),
-        ("pose: {position: [0, 0, 0]}, moving_parts: [lid]", "there is no part 'lid'; known are"),
-        ("moving: true, parts: false, moving_parts: [lid]", "is no assembly of several parts"),
+        ("topic: there", "topic: each part of an assembly has its own topic"),
+        ("pose: {position: [0, 0, 0]}, moving_parts: [lid]", "there is no part 'lid'; known: "),
+        (
+            "moving: true, parts: false, moving_parts: [lid]",
+            "is only for an assembly of several parts",
+        ),
     ],
 )
 def test_what_means_nothing_is_refused(tmp_path, more, message):
@@ -133,7 +136,7 @@ def test_a_robot_is_not_called_like_an_assembly(tmp_path, monkeypatch):
     monkeypatch.setattr(engine, "load_placements", lambda *_, **__: placed)
     box = '<collision><geometry><box size="1 1 1"/></geometry></collision>'
     (tmp_path / "one.urdf").write_text(f'<robot name="r"><link name="x">{box}</link></robot>')
-    with pytest.raises(SceneError, match="'gearbox' is taken; each robot needs its own name"):
+    with pytest.raises(SceneError, match="'gearbox' is already used; choose another name"):
         load(tmp_path, "moving: true", "robots: [{name: gearbox, urdf: one.urdf}]\n")
 
 
@@ -141,7 +144,7 @@ def test_a_problem_is_told_of_the_entry_in_the_file_not_of_the_body(tmp_path, mo
     placed = [engine.Placement(name=name, model=name, pose=np.eye(4), colour=None) for name in "ab"]
     monkeypatch.setattr(engine, "load_placements", lambda *_, **__: placed)
     rest = "  - {name: scan, cloud: {topic: points, frame: nose}}\n"
-    with pytest.raises(SceneError, match=r"8: bodies\[2\]\.cloud\.frame: 'nose' is no body"):
+    with pytest.raises(SceneError, match=r"8: bodies\[2\]\.cloud\.frame: 'nose' is not a body"):
         load(tmp_path, "moving: true", rest)
     rest = "pairs: {groups: {gearbox: [bench]}}\n"
     with pytest.raises(SceneError, match="'gearbox' is an assembly; give the group another name"):

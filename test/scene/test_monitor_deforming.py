@@ -150,7 +150,9 @@ def test_a_solid_keeps_its_shape_where_the_new_one_encloses_none(load, change):
     monitor = Monitor(scene, models)
     poses = {f"b{i}": placed([0.2 * i, 0.0, 0.0], [0, 0, 0, 1]) for i in range(2)}
     before = monitor.tick(samples(poses), 1.0)
-    with pytest.raises(engine.ModelError, match=r"body 'b0' is a solid, and would be none: .*"):
+    with pytest.raises(
+        engine.ModelError, match=r"body 'b0' is a solid, but would no longer be one: .*"
+    ):
         monitor.deform("b0", change(soup))
     assert (models["b0"].vertices == soup).all()
     after = monitor.tick(samples(poses), 1.0)

@@ -194,7 +194,7 @@ def test_a_solid_that_is_none_is_refused_with_its_place_in_the_file(load):
     scene = load(text(2, body=", solid: true"))
     models = load_models(scene)
     models["b1"] = engine.TriangleMesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
-    expected = r"\.yaml:6: bodies\[1\]\.solid: true, but body 'b1' is none: not watertight"
+    expected = r"\.yaml:6: bodies\[1\]\.solid: true, but body 'b1' is not a solid: not watertight"
     with pytest.raises(engine.ModelError, match=expected):
         Monitor(scene, models)
 

@@ -116,8 +116,8 @@ def test_an_srdf_is_found_like_a_model_file(load, tmp_path, monkeypatch):
     [
         ('link1="a" ', "", "arm.srdf:4: <disable_collisions>: needs 'link1' and 'link2'"),
         ("robot", "model", "arm.srdf: <model>: a semantic robot description begins with <robot>"),
-        ("</robot>", "", "arm.srdf: is not XML that can be read: no element found: line 7"),
-        ("<robot", "<!DOCTYPE robot []><robot", "arm.srdf: is not XML that can be read: it has a"),
+        ("</robot>", "", "arm.srdf: cannot be read as XML: no element found: line 7"),
+        ("<robot", "<!DOCTYPE robot []><robot", "arm.srdf: cannot be read as XML: it has a"),
     ],
 )
 def test_what_is_wrong_with_an_srdf_is_told_by_its_line(problems, old, new, told):
@@ -189,7 +189,7 @@ def test_without_xacro_the_extra_is_named(problems, monkeypatch):
 
 def test_arguments_that_no_xacro_file_takes_are_refused(problems):
     (found,) = problems("    xacro_args: {long: true}\n")
-    assert found.startswith("6: robots[0].xacro_args: are for xacro files")
+    assert found.startswith("6: robots[0].xacro_args: apply only to xacro files")
 
 
 @needs_xacro
@@ -209,7 +209,7 @@ def test_arguments_that_no_file_asks_for_are_warned_of(load):
     scene = load("    xacro_args: {lon: 1, side: 2}\n", scene=OF_XACRO, arm__urdf__xacro=XACRO)
     (told,) = scene.warnings
     at = "robots[0].xacro_args.lon: "
-    assert told.endswith(f"yaml:7: {at}no xacro file asks for 'lon'; did you mean 'long'?")
+    assert told.endswith(f"yaml:7: {at}no xacro file has the argument 'lon'; did you mean 'long'?")
 
 
 # A topic
@@ -242,8 +242,8 @@ def test_meshes_of_a_description_from_a_topic_are_found_from_the_scenes_folder(l
 @pytest.mark.parametrize(
     ("describe", "told"),
     [
-        (None, "the description comes from the topic /robot_description, so this scene can be"),
-        (lambda topic: "", "topic /robot_description: the text: is not XML that can be read"),
+        (None, "the description comes from the topic /robot_description, so only the nodes can"),
+        (lambda topic: "", "topic /robot_description: the text: cannot be read as XML"),
         (lambda topic: "<robot/>", "topic /robot_description: <robot>: has no link"),
     ],
 )
@@ -279,7 +279,9 @@ def test_links_without_the_shapes_that_are_asked_for_name_the_others(problems, l
 def test_links_that_have_the_other_shape_alone_are_warned_of(load):
     bare = CHAIN.replace(BOX, BOX.replace("collision", "visual"), 1)
     (told,) = load(arm__urdf=bare).warnings
-    assert "yaml:4: robots[0].meshes: not watched, as they have a visual shape alone: a; " in told
+    assert (
+        "yaml:4: robots[0].meshes: not watched, because they have only a visual shape: a; " in told
+    )
 
 
 # A root that moves
@@ -317,7 +319,7 @@ def test_a_robot_alone_on_wheels_is_watched_against_what_stands(load):
 
 def test_a_root_stands_or_moves(problems):
     (found,) = problems("    root: {}\n    pose: {position: [0, 0, 0]}\n")
-    assert found == "4: robots[0]: needs only one of 'pose', 'root'"
+    assert found == "4: robots[0]: can have only one of 'pose', 'root'"
     (found,) = problems("    root: {topic: no topic}\n")
     assert found.startswith("6: robots[0].root.topic: must be a topic name")
 
@@ -337,10 +339,13 @@ def test_a_script_moves_a_root(load):
 @pytest.mark.parametrize(
     ("more", "told"),
     [
-        ("motion: {script: {bodies: {arm: {PATH}}}}", "'arm' is a robot whose root is fixed; give"),
+        (
+            "motion: {script: {bodies: {arm: {PATH}}}}",
+            "'arm' is a robot with a fixed root; to move it",
+        ),
         (
             "    root: {}\nmotion: {script: {bodies: {arm_a: {PATH}}}}",
-            "'arm_a' is the link of a robot",
+            "'arm_a' is a robot link",
         ),
         (
             "    root: {}\nmotion: {dynamics: {bodies: {arm: {density: 1,"

@@ -43,14 +43,14 @@ def test_links_of_which_it_is_open_whether_they_touch_are_watched(load):
     )
     near = load(text, urdf.replace("PLACE", "1.0002"))
     assert both("crane_a crane_b") < names_of(near.pairs)
-    assert "watched, as it is open whether they touch where the robot starts" in near.warnings[0]
-    assert near.warnings[0].endswith("name in 'exclude' those that do: crane_a - crane_b")
+    assert "watched, although they may touch at the robot's start positions" in near.warnings[0]
+    assert near.warnings[0].endswith("list those that do in 'exclude': crane_a - crane_b")
     apart = load(text, urdf.replace("PLACE", "1.1"))
     assert both("crane_a crane_b") < names_of(apart.pairs) and apart.warnings == ()
     far = load(text, urdf.replace("PLACE", "0.9"))
     assert not names_of(far.pairs) & both("crane_a crane_b")
     assert far.warnings[0].endswith(
-        "exclude_touching: not watched, as they touch where the robot starts: crane_a - crane_b"
+        "not watched, because they touch at the robot's start positions: crane_a - crane_b"
     )
 
 
@@ -72,7 +72,7 @@ def test_links_that_are_drawn_touching_may_be_apart_by_what_descriptions_round(
 def test_a_limit_that_the_description_rounds_may_be_reached(load):
     urdf = CRANE.replace('lower="-3" upper="3"', 'lower="-3.14159" upper="3.14159"')
     assert load(SCENE.replace("90", "180"), urdf).robots[0].start["swing"] == math.pi
-    with pytest.raises(SceneError, match=r"must be -180 to 180, its limits \(got 180.01\)"):
+    with pytest.raises(SceneError, match=r"must be within its limits, -180 to 180 \(got 180.01\)"):
         load(SCENE.replace("90", "180.01"), urdf)
 
 
@@ -85,12 +85,12 @@ motion: {script: {joints: {JOINT: {KIND: [[0, 0]]}}}}
 @pytest.mark.parametrize(
     ("joint", "kind", "told"),
     [
-        ("swing", "angles_deg", "say 'crane/swing' and 'lift/swing'"),
-        ("crane/swing", "offsets", "'crane/swing' turns; its positions are 'angles_deg'"),
-        ("lift/swing", "angles_deg", "'lift/swing' slides; its positions are 'offsets'"),
+        ("swing", "angles_deg", "write 'crane/swing' or 'lift/swing'"),
+        ("crane/swing", "offsets", "'crane/swing' turns; give its positions as 'angles_deg'"),
+        ("lift/swing", "angles_deg", "'lift/swing' slides; give its positions as 'offsets'"),
         ("crane/swing", "angles_deg", ""),
         ("lift/swing", "offsets", ""),
-        ("drop", "offsets", "say 'crane/drop' and 'lift/drop'"),
+        ("drop", "offsets", "write 'crane/drop' or 'lift/drop'"),
     ],
 )
 def test_a_joint_of_several_robots_is_named_with_its_robot(load, tmp_path, joint, kind, told):
@@ -102,13 +102,13 @@ def test_a_joint_of_several_robots_is_named_with_its_robot(load, tmp_path, joint
             load(text)
     else:
         assert list(load(text).motion["script"]["joints"]) == [joint]
-    with pytest.raises(SceneError, match=r"several robots|one topic|its positions"):
+    with pytest.raises(SceneError, match=r"several robots|same topic|its positions"):
         load(text.replace("lift/states", "joint_states"))
 
 
 def test_topics_are_compared_as_without_a_namespace(load, tmp_path):
     (tmp_path / "lift.urdf").write_text(CRANE)
     text = SCENE + SCRIPT.replace("JOINT", "crane/swing").replace("KIND", "angles_deg")
-    with pytest.raises(SceneError, match="from one topic, /joint_states without a namespace"):
+    with pytest.raises(SceneError, match=r"from the same topic, /joint_states \(without a"):
         load(text.replace("lift/states", "/joint_states"))
     load(text.replace("lift/states", "~/joint_states"))

@@ -115,7 +115,7 @@ def test_a_link_that_must_be_a_solid_is_told_by_key_and_line(load, tmp_path):
     load()
     (tmp_path / "crane" / "meshes" / "wedge.obj").write_text(WEDGE.rpartition("f")[0])
     scene = load(SCENE + "    meshes: visual\n    solid: true\n")
-    expected = r"scene.yaml:11: robots\[0\]\.solid: true, but body 'crane_base' is none: not water"
+    expected = r"scene.yaml:11: robots\[0\]\.solid: true, but body 'crane_base' is not a solid: not"
     with pytest.raises(engine.ModelError, match=expected):
         load_models(scene)
 
@@ -220,39 +220,39 @@ def test_a_script_moves_joints(load):
 FAULTS = {
     "no such file": ("crane/crane.urdf", "crane.urdf", "7: robots[0].urdf: no such file: "),
     "no robot at all": ("crane/crane.urdf", "crane/meshes/wedge.obj", "7: robots[0].urdf: "),
-    "a name twice": ("name: crane", "name: floor", "6: robots[0].name: 'floor' is taken"),
+    "a name twice": ("name: crane", "name: floor", "6: robots[0].name: 'floor' is already"),
     "a joint that is not": (
         "swing: 90", "swinge: 90",
-        "8: robots[0].angles_deg.swinge: no joint 'swinge' can be set; did you mean 'swing'?",
+        "8: robots[0].angles_deg.swinge: 'swinge' is not a joint whose position can be set; did",
     ),
-    "a fixed joint": ("swing: 90", "stand: 90", "8: robots[0].angles_deg.stand: no joint 'stand'"),
+    "a fixed joint": ("swing: 90", "stand: 90", "8: robots[0].angles_deg.stand: 'stand' is not"),
     "a turn that slides": (
         "{swing: 90}", "{drop: 90}",
-        "8: robots[0].angles_deg.drop: 'drop' slides; its positions are 'offsets'",
+        "8: robots[0].angles_deg.drop: 'drop' slides; give its positions as 'offsets'",
     ),
     "a slide that turns": (
         "{drop: 100}", "{swing: 1}",
-        "9: robots[0].offsets.swing: 'swing' turns; its positions are 'angles_deg'",
+        "9: robots[0].offsets.swing: 'swing' turns; give its positions as 'angles_deg'",
     ),
     "beyond a limit": (
         "swing: 90", "swing: 180",
-        "8: robots[0].angles_deg.swing: must be -171.887 to 171.887, its limits (got 180)",
+        "8: robots[0].angles_deg.swing: must be within its limits, -171.887 to 171.887",
     ),
     "beyond a limit in the unit": (
         "drop: 100", "drop: 900",
-        "9: robots[0].offsets.drop: must be 0 to 800, its limits (got 900)",
+        "9: robots[0].offsets.drop: must be within its limits, 0 to 800 (got 900)",
     ),
     "a link that is not": (
         "    offsets:", "    exclude: [[hook, lamp]]\n    offsets:",
-        "9: robots[0].exclude[0][0]: no link 'hook' has a shape; did you mean 'hook-1'?",
+        "9: robots[0].exclude[0][0]: the robot has no link 'hook' with a shape; did you mean",
     ),
     "a link without shape": (
         "    offsets:", "    exclude: [[boom, frame]]\n    offsets:",
-        "9: robots[0].exclude[0][1]: no link 'frame' has a shape",
+        "9: robots[0].exclude[0][1]: the robot has no link 'frame' with a shape",
     ),
     "a link with itself": (
         "    offsets:", "    exclude: [[lamp, lamp]]\n    offsets:",
-        "9: robots[0].exclude[0]: 'lamp' and 'lamp' are one link; name two",
+        "9: robots[0].exclude[0]: 'lamp' and 'lamp' are the same link; name two links",
     ),
     "a bad topic": (
         "    offsets:", "    topic: no topic\n    offsets:",
@@ -269,17 +269,17 @@ FAULTS = {
     "a link driven as a body": (
         "    offsets: {drop: 100}",
         "motion: {script: {bodies: {crane_boom: {keys: [{t: 0, position: [0, 0, 0]}]}}}}",
-        "9: motion.script.bodies.crane_boom: 'crane_boom' is the link of a robot",
+        "9: motion.script.bodies.crane_boom: 'crane_boom' is a robot link",
     ),
     "a scripted joint that is not": (
         "    offsets: {drop: 100}",
         "motion: {script: {joints: {sving: {angles_deg: [[0, 0]]}}}}",
-        "9: motion.script.joints.sving: no joint 'sving' can be set; did you mean 'swing'?",
+        "9: motion.script.joints.sving: 'sving' is not a joint whose position can be set; did",
     ),
     "a scripted joint of another kind": (
         "    offsets: {drop: 100}",
         "motion: {script: {joints: {swing: {offsets: [[0, 0]]}}}}",
-        "9: motion.script.joints.swing: 'swing' turns; its positions are 'angles_deg'",
+        "9: motion.script.joints.swing: 'swing' turns; give its positions as 'angles_deg'",
     ),
     "unknown meshes": (
         "    offsets:", "    meshes: both\n    offsets:",
@@ -310,7 +310,9 @@ def test_links_whose_small_letters_are_the_same_keep_their_own(load, link, names
 
 def test_links_of_one_name_with_the_robots_in_front_are_told(problems):
     (found,) = problems(SCENE, CRANE.replace('"lamp"', '"crane_boom"'))
-    assert "would be the body 'crane_boom', a name that is taken; give the robot another" in found
+    assert (
+        "would become the body 'crane_boom', but that name is already used; give the robot" in found
+    )
 
 
 @pytest.mark.parametrize("robot_first", [True, False])
@@ -319,24 +321,24 @@ def test_a_robot_that_has_a_links_name_is_told(problems, robot_first):
     robots = [f"  - {{name: {name}, urdf: crane/crane.urdf}}\n" for name in ("crane", named)]
     head = SCENE[: SCENE.index("  - name: crane")]
     found = problems(head + "".join(reversed(robots) if robot_first else robots))
-    assert any(f"'{named}'" in line and "is taken" in line for line in found), found
+    assert any(f"'{named}'" in line and "already used" in line for line in found), found
 
 
 def test_a_body_that_has_a_links_name_is_told(problems):
     (found,) = problems(SCENE.replace("name: floor", "name: crane_boom"))
-    assert found.startswith("6: robots[0].name: link 'boom' would be the body 'crane_boom'")
+    assert found.startswith("6: robots[0].name: link 'boom' would become the body 'crane_boom'")
 
 
 @pytest.mark.parametrize(
     ("filename", "message"),
     [
         ("meshes/gone.obj", "link 'Base': no such file: "),
-        ("package://crane/../../secret.obj", "leaves its package"),
-        ("package://crane//etc/secret.obj", "leaves its package"),
-        ("package:///etc/passwd", "must read package://PACKAGE/PATH"),
-        ("package://elsewhere/part.obj", "package 'elsewhere' is in no prefix"),
-        ("file://meshes/wedge.obj", "must read file:///PATH"),
-        ("http://example.com/part.obj", "read are package://, file:// and plain paths"),
+        ("package://crane/../../secret.obj", "is outside its package"),
+        ("package://crane//etc/secret.obj", "is outside its package"),
+        ("package:///etc/passwd", "must have the form package://PACKAGE/PATH"),
+        ("package://elsewhere/part.obj", "package 'elsewhere' was not found"),
+        ("file://meshes/wedge.obj", "must have the form file:///PATH"),
+        ("http://example.com/part.obj", "must begin with package:// or file://"),
     ],
 )
 @pytest.mark.parametrize("touching", ["true", "false"])
@@ -373,5 +375,5 @@ def test_a_description_that_is_not_installed_says_how_to_get_it(problems, monkey
     monkeypatch.setenv("AMENT_PREFIX_PATH", "")
     (found,) = problems(SCENE.replace("crane/crane.urdf", "package://example-robot-data/a.urdf"))
     assert found.endswith(
-        "source the workspace that has it, or, in the checkout: pip install '.[robots]'"
+        "source the workspace that contains it, or, in the checkout: pip install '.[robots]'"
     )

@@ -30,13 +30,29 @@ def test_a_cloud_has_a_topic_a_radius_in_the_scenes_unit_and_a_frame(load):
     [
         ("radius: 5", "radius: -5", "5: bodies[1].cloud.radius: must be at least 0 (got -5)"),
         ("topic: points, ", "", "6: bodies[2].cloud: needs the key 'topic'"),
-        ("frame: hand", "frame: scan", "6: bodies[2].cloud.frame: 'scan' is no body with a pose"),
-        ("frame: hand", "frame: nose", "6: bodies[2].cloud.frame: 'nose' is no body with a pose"),
+        (
+            "frame: hand",
+            "frame: scan",
+            "6: bodies[2].cloud.frame: 'scan' is not a body with a pose",
+        ),
+        (
+            "frame: hand",
+            "frame: nose",
+            "6: bodies[2].cloud.frame: 'nose' is not a body with a pose",
+        ),
         ("radius: 5}", "radius: 5}, moving: true", "5: bodies[1]: needs exactly one of 'pose', "),
-        ("radius: 5}", "radius: 5}, deforming: true", "5: bodies[1]: needs only one of 'cloud', "),
-        ("radius: 5}", "radius: 5}, scale: 2", "5: bodies[1]: needs only one of 'cloud', 'scale'"),
-        ("radius: 5}", "radius: 5}, parts: false", "5: bodies[1]: needs only one of 'cloud', "),
-        ("radius: 5}", "radius: 5}, moving_parts: [a]", "5: bodies[1]: needs only one of "),
+        (
+            "radius: 5}",
+            "radius: 5}, deforming: true",
+            "5: bodies[1]: can have only one of 'cloud', ",
+        ),
+        (
+            "radius: 5}",
+            "radius: 5}, scale: 2",
+            "5: bodies[1]: can have only one of 'cloud', 'scale'",
+        ),
+        ("radius: 5}", "radius: 5}, parts: false", "5: bodies[1]: can have only one of 'cloud', "),
+        ("radius: 5}", "radius: 5}, moving_parts: [a]", "5: bodies[1]: can have only one of "),
         ("/front/points", "/front/", "5: bodies[1].cloud.topic: must be a topic name"),
     ],
 )

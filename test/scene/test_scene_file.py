@@ -96,7 +96,7 @@ SCHEMA_FAULTS = {
     "unknown key unlike any": (
         "unit: m\n",
         "unit: m\nq: 3\n",
-        "3: q: unknown key; known here: version, description, frame, unit",
+        "3: q: unknown key; known: version, description, frame, unit",
     ),
     "unknown unit": (
         "unit: m\n",
@@ -246,7 +246,7 @@ SCHEMA_FAULTS = {
         "radius: 1e999",
         "4: bodies[0].primitive.sphere.radius: must be a fin",
     ),
-    "stands twice": ("unit: m\n", "unit: m\nunit: mm\n", "3: unit: stands twice, first on line 2"),
+    "stands twice": ("unit: m\n", "unit: m\nunit: mm\n", "3: unit: appears twice, first on line 2"),
     "a date": ("name: ball", "name: 2024-01-01", "4: bodies[0].name: is a YAML timestamp"),
     "code": (
         "name: ball",
@@ -315,7 +315,7 @@ def test_faults_of_cones_and_tori(problems, text, expected):
 @pytest.mark.parametrize("text", ["cone: {radius: 1, height: 1}", "torus: {radius: 2, tube: 1}"])
 def test_cones_and_tori_are_solids_without_being_told(problems, text):
     (found,) = problems(with_primitive(text).replace("moving", "solid: robust, moving"))
-    assert found.startswith("5: bodies[0].solid: robust is for meshes")
+    assert found.startswith("5: bodies[0].solid: robust is only for meshes")
 
 
 def test_all_faults_of_form_are_told_together_in_the_order_of_lines(problems):

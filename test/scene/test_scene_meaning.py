@@ -32,20 +32,28 @@ pairs:
 """
 
 FAULTS = {
-    "name taken": ("name: tool\n", "name: arm\n", "15: bodies[2].name: 'arm' is taken on line 12"),
+    "name taken": (
+        "name: tool\n",
+        "name: arm\n",
+        "15: bodies[2].name: 'arm' is already used on line 12",
+    ),
     "topic taken": (
         "topic: tool_pose",
         "topic: bodies/arm/pose",
-        "17: bodies[2].topic: 'bodies/arm/pose' is taken on line 12",
+        "17: bodies[2].topic: 'bodies/arm/pose' is already used on line 12",
     ),
     "no file": ("part.stl", "meshes/part.stl", "8: bodies[0].model: no such file: /"),
     "a folder": ("part.stl", ".", "8: bodies[0].model: no such file: /"),
     "a name too long": ("part.stl", "p" * 5000, "8: bodies[0].model: no such file: /"),
-    "package without path": ("part.stl", "package://x", "8: bodies[0].model: must read package:"),
+    "package without path": (
+        "part.stl",
+        "package://x",
+        "8: bodies[0].model: must have the form package:",
+    ),
     "unknown package": (
         "part.stl",
         "package://no_such/a.stl",
-        "8: bodies[0].model: package 'no_such' is in no prefix of AMENT_PREFIX_PATH",
+        "8: bodies[0].model: package 'no_such' was not found in AMENT_PREFIX_PATH",
     ),
     "quaternion": (
         "[0, 0, 0, 1]",
@@ -75,19 +83,19 @@ FAULTS = {
     "unknown name in watch": (
         "[both, base]",
         "[both, q]",
-        "22: pairs.watch[0].between[1]: nothing is named 'q'; known are base, arm, tool, both",
+        "22: pairs.watch[0].between[1]: nothing is named 'q'; known: base, arm, tool, both",
     ),
     "group named as a body": ("both:", "arm:", "20: pairs.groups.arm: 'arm' is a body"),
     "group of illegal name": ("both:", "'a - b':", "20: pairs.groups.a - b: must be a text of 1"),
     "a name twice in a group": (
         "[arm, tool]\n  w",
         "[arm, arm]\n  w",
-        "20: pairs.groups.both: must not name anything twice",
+        "20: pairs.groups.both: must not contain anything twice",
     ),
     "body against itself": (
         "between: [arm, tool]",
         "between: [arm, arm]",
-        "24: pairs.watch[1].between: 'arm' and 'arm' are one body",
+        "24: pairs.watch[1].between: 'arm' and 'arm' are the same body",
     ),
     "three names": (
         "between: [arm, tool]",
@@ -183,7 +191,7 @@ def test_bundled_scenes_load():
 
 @pytest.mark.parametrize("name", ["nope", "", "../bundled/engine"])
 def test_unknown_bundled_scene(name):
-    with pytest.raises(SceneError, match=r"no bundled scene '.*'; there is .*\bengine\b"):
+    with pytest.raises(SceneError, match=r"no bundled scene '.*'; known: .*\bengine\b"):
         bundled(name)
 
 
@@ -223,8 +231,8 @@ def test_a_range_may_equal_what_it_has_to_hold(load):
 @pytest.mark.parametrize(
     ("old", "new", "told"),
     [
-        ("warn: 2", "warn: 010", "4: thresholds.warn: 010 would be another number in YAML 1.1"),
-        ("warn: 2", "warn: 1:30", "4: thresholds.warn: 1:30 would be another number in YAML 1.1"),
+        ("warn: 2", "warn: 010", "4: thresholds.warn: 010 is a different number in YAML 1.1"),
+        ("warn: 2", "warn: 1:30", "4: thresholds.warn: 1:30 is a different number in YAML 1.1"),
         ("name: a", "name: on", "must be text (got true); if it is text, put it in quotes"),
         ("moving: true", "<<: {moving: true}", "bodies[0].<<: merge keys are not supported; write"),
     ],

@@ -85,7 +85,7 @@ FAULTS = {
     "fixed crank": (
         "crank: shaft",
         "crank: block",
-        "9: motion.slider_crank.crank: 'block' is fixed; give it 'moving: true'",
+        "9: motion.slider_crank.crank: 'block' is fixed; to move it, give it 'moving: true'",
     ),
     "unknown piston": (
         "      piston:",
@@ -100,8 +100,8 @@ FAULTS = {
     "crank as piston": (
         "      piston:",
         "      shaft:",
-        "17: motion.slider_crank.pistons.shaft: 'shaft' is driven by motion.slider_crank.crank "
-        "(line 9) already",
+        "17: motion.slider_crank.pistons.shaft: 'shaft' is already driven by "
+        "motion.slider_crank.crank (line 9)",
     ),
     "no piston": (
         TEXT[TEXT.index("    pistons:") :],
@@ -116,7 +116,7 @@ FAULTS = {
     "offset aside": (
         "[0, 20, 0]",
         "[1, 20, 0]",
-        "17: motion.slider_crank.pistons.piston.offset: must lie along crank_axis (it leaves",
+        "17: motion.slider_crank.pistons.piston.offset: must be parallel to crank_axis (it is",
     ),
     "no axis": (
         "[0, 2, 0]",

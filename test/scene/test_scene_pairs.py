@@ -128,7 +128,7 @@ def test_who_asks_for_contact_alone_has_no_thresholds(load, problems):
     assert pair.thresholds == Thresholds(0.0, 0.0, 0.0)
     assert pair.own_thresholds, "the scene's must not come in their place"
     (problem,) = problems(BODIES + section.replace("collide", "collide, thresholds: {warn: 3}"))
-    assert problem.startswith("10: pairs.watch[0].thresholds: mean nothing")
+    assert problem.startswith("10: pairs.watch[0].thresholds: have no effect")
 
 
 def test_lengths_are_in_the_unit_and_no_range_is_no_limit(load):

@@ -168,7 +168,7 @@ FAULTS = {
     "two spellings of an orientation": (
         "quaternion: [0, 0, 0.6, 0.8001]",
         "quaternion: [0, 0, 0, 1], rotation: {axis: [0, 0, 1], angle_deg: 1}",
-        "14: motion.script.bodies.cart.keys[0]: needs only one of 'quaternion', 'rotation'",
+        "14: motion.script.bodies.cart.keys[0]: can have only one of 'quaternion', 'rotation'",
     ),
     "no quaternion": (
         "[0, 0, 0.6, 0.8001]",
@@ -183,7 +183,7 @@ FAULTS = {
     "times do not increase": (
         "{t: 2, ",
         "{t: 0, ",
-        "15: motion.script.bodies.cart.keys[1].t: must be later than the key before, 0 s (got 0)",
+        "15: motion.script.bodies.cart.keys[1].t: must be later than the previous key, 0 s (got 0)",
     ),
     "before the start": ("{t: 0, ", "{t: -1, ", "14: motion.script.bodies.cart.keys[0].t: must be"),
     "a key without a time": (
@@ -204,7 +204,7 @@ FAULTS = {
     "angles do not increase": (
         "[1, 180]",
         "[0, 180]",
-        "20: motion.script.bodies.door.hinge.angles_deg[1]: must be later than the key before",
+        "20: motion.script.bodies.door.hinge.angles_deg[1]: must be later than the previous key",
     ),
     "an angle without a time": (
         "[1, 180]",
@@ -224,18 +224,18 @@ FAULTS = {
     "fixed body": (
         "      door:",
         "      block:",
-        "16: motion.script.bodies.block: 'block' is fixed; give it 'moving: true'",
+        "16: motion.script.bodies.block: 'block' is fixed; to move it, give it 'moving: true'",
     ),
     "driven by two effects": (
         "/tool: tool",
         "/tool: door",
-        "25: motion.bag.topics./tool: 'door' is driven by motion.script.bodies.door (line 16) "
-        "already; a body follows one effect",
+        "25: motion.bag.topics./tool: 'door' is already driven by motion.script.bodies.door "
+        "(line 16); only one effect can drive a body",
     ),
     "driven by two topics": (
         "/tool: tool",
         "/tool: tool\n      /tools: [tool]",
-        "26: motion.bag.topics./tools[0]: 'tool' is driven by motion.bag.topics./tool (line 25)",
+        "26: motion.bag.topics./tools[0]: 'tool' is already driven by motion.bag.topics./tool",
     ),
     "a joint of two kinds": (
         "    bodies:\n",
@@ -261,16 +261,16 @@ TABLES = {
     "no header": (ROW, ":1: the first line must name the columns"),
     "a header too long": (HEAD[:-1] + ",more" * 999 + "\n" + ROW, ":1: a line has more than 4096"),
     "a column missing": ("t,x,y,qx,qy,qz,qw\n", ":1: the first line must name the columns t, x, y"),
-    "a column twice": (HEAD.replace("x", "x,x", 1), ":1: the column x stands twice"),
-    "no pose": (HEAD, ": has a header, but no pose"),
-    "a row too short": (HEAD + ROW + "1,2,3\n", ":3: has 3 columns, the header 8"),
+    "a column twice": (HEAD.replace("x", "x,x", 1), ":1: the column x appears twice"),
+    "no pose": (HEAD, ": has a header but no poses"),
+    "a row too short": (HEAD + ROW + "1,2,3\n", ":3: has 3 columns, but the header has 8"),
     "a word": (HEAD + ROW.replace("1000", "far"), ":2: x must be a number (got 'far')"),
     "not finite": (HEAD + ROW.replace("1000", "nan"), ":2: x must be finite (got nan)"),
     "too far": (HEAD + ROW.replace("1000", "1e13"), ":2: x must be within 1e+09 m of 0"),
     "no quaternion": (HEAD + ROW.replace(",1\n", ",2\n"), ":2: the quaternion must have length 1"),
     "time stands still": (
         HEAD + ROW + ROW,
-        ":3: t must be later than in the row before, 0 (got 0)",
+        ":3: t must be later than in the previous row, 0 (got 0)",
     ),
     "before the start": (HEAD + "-" + ROW.replace("0", "1", 1), ":2: t must be 0 to 1e+06 s after"),
     "a clock's stamp": (HEAD + "17" + "0" * 8 + ROW[1:], ":2: t must be 0 to 1e+06 s after"),

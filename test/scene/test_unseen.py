@@ -107,12 +107,12 @@ def test_pairs_of_surfaces_are_named_with_the_reason_and_the_way_out(scene):
     unseen = unseen_containment(loaded, models)
     assert (unseen.count, unseen.pairs[0]) == (3, ("zone", "part"))
     text = str(unseen)
-    assert "3 watched pairs cannot see one body inside the other" in text
+    assert "3 watched pairs cannot detect one body inside the other" in text
     assert "zone - part, zone - tip, part - tip" in text
     assert "'solid: robust'" in text
-    assert "no solid: zone: not watertight: 4 open edges" in text
-    assert "no solid: part: it is declared a surface" in text
-    assert "no solid: tip" not in text, "a point holds nothing"
+    assert "not a solid: zone: not watertight: 4 open edges" in text
+    assert "not a solid: part: it is declared a surface" in text
+    assert "not a solid: tip" not in text, "a point holds nothing"
     for seen in (scene(), scene("model: zone.stl, solid: robust")):
         assert unseen_containment(*seen).count == 0
         assert str(unseen_containment(*seen)) == ""
@@ -139,14 +139,14 @@ def test_a_pair_of_equal_surfaces_counts_once(tmp_path):
 def test_scene_check_says_which_pairs_cannot_see_containment(scene, capsys):
     loaded, _ = scene("model: zone.stl", ", solid: false")
     assert __main__.main(["scene", "check", str(loaded.path)]) == 0
-    assert "warning: 3 watched pairs cannot see" in capsys.readouterr().out
+    assert "warning: 3 watched pairs cannot detect" in capsys.readouterr().out
     loaded, _ = scene()
     assert __main__.main(["scene", "check", str(loaded.path)]) == 0
-    assert "cannot see" not in capsys.readouterr().out
+    assert "cannot detect" not in capsys.readouterr().out
 
 
 def test_a_file_that_must_be_a_solid_and_is_none_is_refused_by_key_and_line(scene):
-    expected = r"scene.yaml:5: bodies\[0\]\.solid: true, but body 'zone' is none: not watertight"
+    expected = r"scene.yaml:5: bodies\[0\]\.solid: true, but body 'zone' is not a solid: not water"
     with pytest.raises(engine.ModelError, match=expected):
         scene("model: zone.stl, solid: true")
 

@@ -149,7 +149,7 @@ BROKEN = {
     "another version": ("<robot ", '<robot version="2.0" ', "<robot>: version '2.0' is not"),
     "a turn twice": (
         'rpy="0.4 0.5 0.6"', 'rpy="0 0 1" quat_xyzw="0 0 0 1"',
-        "joint 'raise', <origin>: needs only one of rpy, quat_xyzw",
+        "joint 'raise', <origin>: can have only one of rpy, quat_xyzw",
     ),
     "no quaternion": (
         'rpy="0.4 0.5 0.6"', 'quat_xyzw="0 0 0 0"', "<origin>: quat_xyzw must not be 0",
@@ -158,7 +158,7 @@ BROKEN = {
         'rpy="0 0 1.5"', 'rpz="0 0 1.5"',
         "link 'base', <collision>, <mesh>, <origin>: unknown attribute 'rpz'; did you mean 'rpy'?",
     ),
-    "not XML": ("</robot>", "", "the file: is not XML that can be read: no element found"),
+    "not XML": ("</robot>", "", "the file: cannot be read as XML: no element found"),
     "not XML after an empty line": ("<?xml", "\n<?xml version='1.0'?><?xml", "line 2, column"),
     "another root": ('<robot name="lift">', "<model>", "mismatched tag"),
     "a document type": (
@@ -168,7 +168,7 @@ BROKEN = {
     ),
     "macros": (
         '<material name="grey"/>', '<x:y xmlns:x="http://www.ros.org/wiki/xacro"/>',
-        "holds xacro macros; let its name end in .xacro, or expand them first: xacro IN.xacro",
+        "contains xacro macros; rename it to end in .xacro, or expand them first: xacro IN.xacro",
     ),
     "no name": ('<link name="frame"/>', "<link/>", "a link: needs the attribute 'name'"),
     "a bad size": (
@@ -190,7 +190,7 @@ BROKEN = {
     ),
     "another shape": (
         '<sphere radius="0.2"/>', '<cone radius="1"/>',
-        "<cone>: unknown shape; read are mesh, box, cylinder, sphere and capsule",
+        "<cone>: unknown shape; known: mesh, box, cylinder, sphere, capsule",
     ),
     "a joint of six": (
         'type="prismatic"', 'type="floating"',
@@ -199,7 +199,7 @@ BROKEN = {
     "no child": ('<child link="fork"/>', "", "joint 'raise': needs <child>"),
     "no axis": ('xyz="0 0 2"', 'xyz="0 0 0"', "joint 'raise', <axis>: must be a direction"),
     "limits crossed": ('lower="-0.1"', 'lower="1"', "lower must not exceed upper"),
-    "a bad tree": ('<child link="fork"/>', '<child link="base"/>', "links base hang on each other"),
+    "a bad tree": ('<child link="fork"/>', '<child link="base"/>', "links base form a cycle"),
 }  # fmt: skip
 
 
@@ -223,7 +223,7 @@ def test_a_file_that_is_gone_or_no_text(tmp_path):
         read_urdf(tmp_path / "gone.urdf")
     path = tmp_path / "noise.urdf"
     path.write_bytes(bytes(range(256)))
-    with pytest.raises(UrdfError, match="is not XML that can be read"):
+    with pytest.raises(UrdfError, match="cannot be read as XML"):
         read_urdf(path)
 
 

@@ -140,8 +140,8 @@ class Dynamics(Motion):
             return ""
         first, second = self._touched
         return (
-            f"dynamics: {first!r} and {second!r} touched, so they are stuck; make the steps "
-            "shorter (substep_ms), the shapes change more slowly, or the margin wider"
+            f"dynamics: {first!r} and {second!r} touched, so they are stuck; use shorter "
+            "steps (substep_ms), a slower deformation, or a wider margin"
         )
 
     def describe(self) -> str:
@@ -167,7 +167,7 @@ class Dynamics(Motion):
 
     def _steps_until(self, t: float) -> int:
         if not math.isfinite(t):
-            raise ValueError(f"t: {t} is no time")
+            raise ValueError(f"t must be finite (got {t})")
         return max(0, round(t / self.world.step_s))
 
     def _advance(self, target: int) -> None:

@@ -85,6 +85,6 @@ def _check_closed(faces: NDArray[np.int64]) -> None:
     odd = np.count_nonzero(np.sort(forth) != np.sort(back))
     if odd:
         raise ValueError(
-            "it is not closed, or its faces are not oriented alike, so it encloses no volume and "
-            "has no mass; repair the mesh, or fix the body with a 'pose'"
+            "it is not closed, or its faces are not oriented consistently, so it encloses no "
+            "volume and has no mass; repair the mesh, or fix the body with a 'pose'"
         )

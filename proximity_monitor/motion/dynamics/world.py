@@ -383,8 +383,8 @@ class World:
         if len(near):
             a, b = (self.bodies[i].name for i in self._finder.pairs[near[0]])
             raise ValueError(
-                f"dynamics: {a!r} and {b!r} touch at the start, or nearly so; move one of them "
-                f"until they are {self._law.kept:g} m apart"
+                f"dynamics: {a!r} and {b!r} touch, or nearly touch, at the start; move one of "
+                f"them until they are {self._law.kept:g} m apart"
             )
 
 

@@ -35,7 +35,9 @@ class Cast:
         if or_root and name in self._robots:
             problem = None
             if self._robots[name].root is None:
-                problem = "is a robot whose root is fixed; give it 'root: {}' in place of its pose"
+                problem = (
+                    "is a robot with a fixed root; to move it, give it 'root: {}' instead of 'pose'"
+                )
         elif (body := self.find(name, keys)) is not None:
             problem = _problem(body)
         else:
@@ -50,13 +52,13 @@ class Cast:
             return None
         first = self._driven[name]
         where = f"{spelled(first)} (line {self._report.line(first)})"
-        return f"is driven by {where} already; a body follows one effect"
+        return f"is already driven by {where}; only one effect can drive a body"
 
 
 def _problem(body: Body) -> str | None:
     """Return why no effect can drive a body; None if one can."""
     if not body.moving:
-        return "is fixed; give it 'moving: true' in place of its pose"
+        return "is fixed; to move it, give it 'moving: true' instead of 'pose'"
     if body.topic is None:
-        return "is the link of a robot, which moves by its joints"
+        return "is a robot link, which only its joints can move"
     return None

@@ -56,7 +56,7 @@ def _field(
     ):
         if (key in data) != (kind in kinds):
             if key in data:
-                report.add((*keys, key), f"does not belong to the field '{kind}'")
+                report.add((*keys, key), f"cannot be used with the field '{kind}'")
             else:
                 report.add(keys, f"the field '{kind}' needs the key '{key}'")
     if "towards" in data and axis is not None:
@@ -78,8 +78,8 @@ def _field(
     elif abs(amplitude) > _MOST_STRETCH:
         report.add(
             (*keys, "amplitude"),
-            f"must be from -{_MOST_STRETCH:g} to {_MOST_STRETCH:g} for the field '{kind}', as the "
-            f"logarithm of a factor (got {amplitude:g})",
+            f"must be from -{_MOST_STRETCH:g} to {_MOST_STRETCH:g} for the field '{kind}', because "
+            f"it is the logarithm of a factor (got {amplitude:g})",
         )
     return {
         "field": kind,

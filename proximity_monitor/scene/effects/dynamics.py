@@ -45,16 +45,17 @@ def read(
     if contacts is None:
         for name in _NEEDS_CONTACTS:
             if name in data:
-                report.add((*keys, name), "belongs to contacts; add 'contacts', or leave it out")
+                report.add((*keys, name), "needs 'contacts'; add that key, or remove this one")
     elif contacts["method"] == "impulse" and "stiffness" in contacts:
-        report.add((*keys, "contacts", "stiffness"), "belongs to the method 'penalty'")
+        report.add((*keys, "contacts", "stiffness"), "can be used only with the method 'penalty'")
     elif contacts["method"] == "penalty":
         if "stiffness" not in contacts:
-            report.add((*keys, "contacts"), "a penalty needs the key 'stiffness'")
+            report.add((*keys, "contacts"), "the method 'penalty' needs the key 'stiffness'")
         if "restitution" in data:
             report.add(
                 (*keys, "restitution"),
-                "belongs to the method 'impulse'; a penalty's spring gives back what it took",
+                "can be used only with the method 'impulse'; the springs of 'penalty' return the "
+                "energy that they store",
             )
     damping = data.get("damping", {})
     gravity = data.get("gravity")
@@ -96,7 +97,7 @@ def _obstacles(
         if body is not None and body.moving:
             report.add(
                 at,
-                f"'{name}' moves; an obstacle is a fixed body, with a 'pose'. Bodies under "
-                "'bodies' meet each other as they are",
+                f"'{name}' moves, but an obstacle must be a fixed body, with a 'pose'; bodies "
+                "under 'bodies' collide with each other in any case",
             )
     return tuple(contacts["obstacles"])

@@ -59,7 +59,7 @@ def read_poses(path: Path, unit: Unit) -> tuple[np.ndarray, np.ndarray, np.ndarr
         line = max(reader.line_num, 1) if reader else 1
         raise SceneError(f"{path}:{line}: {error}") from None
     if not numbers:
-        raise SceneError(f"{path}: has a header, but no pose")
+        raise SceneError(f"{path}: has a header but no poses")
     table = np.array(numbers).reshape(-1, len(COLUMNS))
     lengths = np.linalg.norm(table[:, 4:], axis=1, keepdims=True)
     return table[:, 0].copy(), unit.to_metre * table[:, 1:4], table[:, 4:] / lengths
@@ -83,7 +83,7 @@ def _places(header: list[str]) -> list[int]:
         )
     for name in COLUMNS:
         if names.count(name) > 1:
-            raise ValueError(f"the column {name} stands twice")
+            raise ValueError(f"the column {name} appears twice")
     return [names.index(name) for name in COLUMNS]
 
 
@@ -94,7 +94,7 @@ def _numbers(
     if len(before) == _MAX_ROWS * len(COLUMNS):
         raise ValueError(f"more than {_MAX_ROWS} poses")
     if len(row) != width:
-        raise ValueError(f"has {len(row)} columns, the header {width}")
+        raise ValueError(f"has {len(row)} columns, but the header has {width}")
     numbers = []
     for name, place in zip(COLUMNS, places, strict=True):
         try:
@@ -108,7 +108,7 @@ def _numbers(
     if not 0.0 <= t <= _LATEST:
         raise ValueError(f"t must be 0 to {_LATEST:g} s after the start (got {t:g})")
     if before and not t > (last := before[-len(COLUMNS)]):
-        raise ValueError(f"t must be later than in the row before, {last:g} (got {t:g})")
+        raise ValueError(f"t must be later than in the previous row, {last:g} (got {t:g})")
     for name, number in zip(COLUMNS[1:4], numbers[1:4], strict=True):
         if abs(number) * unit.to_metre > _FURTHEST:
             raise ValueError(

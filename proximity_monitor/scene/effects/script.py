@@ -112,7 +112,7 @@ def _times(times: Sequence[float], places: Sequence[Keys], report: Report) -> np
         if not times[i] > times[i - 1]:
             report.add(
                 places[i],
-                f"must be later than the key before, {times[i - 1]:g} s (got {times[i]:g})",
+                f"must be later than the previous key, {times[i - 1]:g} s (got {times[i]:g})",
             )
     return frozen(np.array(times, dtype=np.float64))
 

@@ -57,7 +57,7 @@ def read(
         if axis.any() and not aside <= _ALONG * radius:
             report.add(
                 (*at, "offset"),
-                f"must lie along crank_axis (it leaves it by {aside:g} {unit.symbol})",
+                f"must be parallel to crank_axis (it is {aside:g} {unit.symbol} off the axis)",
             )
         pistons[name] = MappingProxyType(
             {"phase": math.radians(piston["phase_deg"]), "offset": metres(offset, unit)}

@@ -16,7 +16,7 @@ def direction(data: Mapping[str, Any], keys: Keys, key: str, report: Report) -> 
     vector = np.array(data[key], dtype=np.float64)
     largest = np.abs(vector).max()
     if not largest > 0.0:
-        report.add((*keys, key), f"must be a direction, of a length above 0 (got {data[key]})")
+        report.add((*keys, key), f"must be a direction with a length above 0 (got {data[key]})")
         return np.zeros(3)
     vector /= largest  # so that no square underflows or overflows
     return vector / np.linalg.norm(vector)
