@@ -272,8 +272,10 @@ DAE_FLAWS = {
     "corners": ("<p>0 2 1", "<p>0 2", "<triangles> has 2 corners"),
     "count": ('triangles count="1"', 'triangles count="2"', "declares 2 items, but has 1"),
     "vcount": ("<vcount>3 3", "<vcount>3 2", "has 6 corners, but needs 5"),
+    "negative vcount": ("<vcount>3 3", "<vcount>9 -3", "<vcount> has negative numbers"),
     "numbers": ("0 0 0 1 0 0", "0 0 1 0 0", "has 11 numbers, expected 12"),
     "accessor": ('count="4" stride', 'count="5" stride', "fit the 12 numbers"),
+    "stride": ('stride="3"', 'stride="2"', "stride 2 and offset .*, the stride at least 3"),
     "nan": ("0 0 0 1 0 0", "0 0 0 NaN 0 0", r"vertices\[1\] = \[nan"),
     "unit": ('meter="0.001"', 'meter="0"', "<unit meter> is 0"),
     "units": (

@@ -162,6 +162,8 @@ def test_bad_trims_are_refused():
         Trim([], LOW, HIGH)
     with pytest.raises(engine.ModelError, match="is empty"):
         Trim([frame()], LOW, LOW)
+    with pytest.raises(engine.ModelError, match=r"shape \(2, 2\) and weights of shape \(3,\)"):
+        Trim([[TrimCurve(np.zeros((2, 2)), np.ones(3))]], LOW, HIGH)
     with pytest.raises(engine.ModelError, match="must be finite"):
         Trim([[TrimCurve(np.zeros((2, 2)), np.array([1.0, 0.0]))]], LOW, HIGH)
     with pytest.raises(engine.ModelError, match=r"its u ranges from 0.0 to 10.0, but that of the"):

@@ -187,7 +187,9 @@ def _geometry(geometry: Element) -> list[Part]:
             sizes = whole_list(element.findtext("vcount"), f"{name}: <vcount>")
         elif kind not in _CUTTERS:
             raise FormatError(f"{name} has <{kind}>, which is not supported")
-        if sizes.sum() != len(corners) or (sizes < 0).any():
+        if (sizes < 0).any():
+            raise FormatError(f"{name}: <vcount> has negative numbers")
+        if sizes.sum() != len(corners):
             raise FormatError(
                 f"{name}: <{kind}> has {len(corners)} corners, but needs {sizes.sum()}"
             )
