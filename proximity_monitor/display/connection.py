@@ -138,7 +138,7 @@ def pill(
     if choice.at_s is not None:
         now = "" if told.state is ConnectionState.LIVE else f"; now {state}: {text}"
         shapes = f" and the shape of {escape(', '.join(sorted(deforming)))}" if deforming else ""
-        which = f"only the banner{shapes} {'are' if deforming else 'is'} live"
+        which = f"only the banner{shapes} {'are' if deforming else 'is'} current"
         shown_s = choice.at_s if shown_s is None else shown_s
         other = _other_tick(shown_s - choice.at_s)
         text = f"looking back {newest_s - shown_s:.1f} s{other}: {which}{now}"

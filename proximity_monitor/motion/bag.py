@@ -81,7 +81,7 @@ class Bag(Motion):
             ValueError: t is not finite.
         """
         if not math.isfinite(t):
-            raise ValueError(f"t must be finite (got {t})")
+            raise ValueError(f"t: must be finite (got {t})")
         end_s = self.period_s
         if end_s is None:
             return _held(self._tracks, t * self._rate + self._seek_s)

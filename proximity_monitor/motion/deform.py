@@ -161,7 +161,7 @@ class Deform(Motion):
             ValueError: t is not finite.
         """
         if not math.isfinite(t):
-            raise ValueError(f"t must be finite (got {t})")
+            raise ValueError(f"t: must be finite (got {t})")
         return {name: self.shape(name, t) for name in self._fields}
 
     def shape(self, name: str, t: float) -> np.ndarray:

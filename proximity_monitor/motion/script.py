@@ -86,7 +86,7 @@ class Script(Motion):
     def _time(self, t: float) -> float:
         """Return the time within the script, seconds."""
         if not math.isfinite(t):
-            raise ValueError(f"t must be finite (got {t})")
+            raise ValueError(f"t: must be finite (got {t})")
         return within_period(t, self._end_s) if self._loop and self._end_s else t
 
 

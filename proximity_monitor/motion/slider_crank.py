@@ -113,7 +113,7 @@ class SliderCrank(Motion):
             ValueError: t is not finite.
         """
         if not math.isfinite(t):
-            raise ValueError(f"t must be finite (got {t})")
+            raise ValueError(f"t: must be finite (got {t})")
         angle = self._speed * t
         poses = {self._crank: self._turned(angle)}
         for piston in self._pistons:

@@ -49,7 +49,7 @@ def test_a_moment_whose_tick_was_not_kept_is_said_to_be_another_tick_s(page):
     page.choice.pair = None
     page.tell(frame=frame(102.0))
     assert page.all._shown.frame.stamp_s == 101.5
-    assert "by 0.5 s, at the tick 0.5 s after that moment: only" in words(page.all._pill)
+    assert "looking back 0.5 s, at the tick 0.5 s after that moment: only" in words(page.all._pill)
 
 
 @pytest.mark.parametrize("first, then", [(0.0, 30.0), (0.0, 1.7e9), (50.0, 51.0 + LEAP_S)])

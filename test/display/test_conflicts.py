@@ -97,7 +97,7 @@ def test_a_file_that_cannot_be_read_is_named_and_left_and_nothing_is_lost(scene,
     assert str(beside) in one.problem
     one.decide(PAIR, FITS)
     one.follow(scene, 0.0)
-    assert str(beside) in one.problem and "kept here" in one.problem
+    assert str(beside) in one.problem and "kept in memory" in one.problem
     assert beside.read_bytes() == data
     assert one.all == {frozenset(PAIR): FITS}
     beside.unlink()

@@ -223,7 +223,7 @@ def test_a_source_that_falls_silent_is_shown(page, sources, wait, eventually):
 
     def told():
         assert page.get_attribute("#pm-connection", "data-state") == "stale"
-        silent = r"no recent pose: ball for \d+\.\d s"
+        silent = r"no recent pose: ball \(\d+\.\d s\)"
         assert re.search(silent, page.inner_text("#pm-connection"))
         text = row(page, "table - ball")[2]
         assert "? stale" in text

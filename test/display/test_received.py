@@ -110,7 +110,7 @@ def test_silent_bodies_are_known_whatever_they_are_called(names):
     read = read_pairs(*told(silent, {0: Level.STALE}))[1]
     assert read.silent_bodies == {0: names[1:]}
     tick = Frame(5.5, np.zeros((2, 7)), read)
-    assert silent_bodies(tick) == {names[1]: "for 1.5 s"}
+    assert silent_bodies(tick) == {names[1]: "1.5 s"}
     assert silent_bodies(tick) is silent_bodies(tick)  # once, not at each step of the page
 
 
@@ -276,7 +276,7 @@ def test_a_tick_is_of_the_moment_in_which_it_came_and_only_if_it_can_be_read():
     bad = inbox.read()
     assert bad.frame is good.frame
     assert bad.frame_at_s == good.frame_at_s
-    assert "not known" in bad.unreadable["tick"]
+    assert "unknown level" in bad.unreadable["tick"]
     inbox.put_parts(serialize_message(MarkerArray(markers=[marker(1, 1)])))
     assert "tick" in inbox.read().unreadable
     inbox.put_pairs(pairs)

@@ -140,7 +140,7 @@ def test_joints_go_straight_between_their_keys():
 @pytest.mark.parametrize("t", [math.nan, math.inf])
 def test_time_must_be_finite(load, t):
     made = load(SCRIPT)
-    with pytest.raises(ValueError, match=f"t: {t}"):
+    with pytest.raises(ValueError, match=rf"t: must be finite \(got {t}\)"):
         made.poses(t)
-    with pytest.raises(ValueError, match=f"t: {t}"):
+    with pytest.raises(ValueError, match=rf"t: must be finite \(got {t}\)"):
         made.joints(t)

@@ -193,8 +193,8 @@ def test_an_override_that_names_nothing_is_told(loader):
 def test_a_description_that_changes_is_told(loader, description):
     description.publish(String(data=LOADER))  # the same text, as from another publisher
     description.publish(String(data=LOADER.replace("0.8 0.6", "0.9 0.6")))
-    told(loader.monitor, "the robot description on /hall/robot_description changed; the scene")
-    assert loader.monitor.text.count("changed; the scene") == 1
+    told(loader.monitor, "the robot description on /hall/robot_description changed, but the scene")
+    assert loader.monitor.text.count("changed, but the scene") == 1
 
 
 def test_a_transform_moves_the_root(rclpy_context, hall):

@@ -167,7 +167,7 @@ class Dynamics(Motion):
 
     def _steps_until(self, t: float) -> int:
         if not math.isfinite(t):
-            raise ValueError(f"t must be finite (got {t})")
+            raise ValueError(f"t: must be finite (got {t})")
         return max(0, round(t / self.world.step_s))
 
     def _advance(self, target: int) -> None:
