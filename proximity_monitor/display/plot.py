@@ -11,7 +11,7 @@ import viser
 from proximity_monitor.display.choice import Choice, PairName
 from proximity_monitor.display.session import Session
 from proximity_monitor.display.signs import DECIMALS
-from proximity_monitor.display.state import SceneInfo, Thresholds
+from proximity_monitor.display.state import STALE, Pairs, SceneInfo, Thresholds
 
 LOG, LIMITS = "Log", "Limits"
 
@@ -60,27 +60,33 @@ class Plot:
     def show(self, scene: SceneInfo, start: float) -> None:
         """Draw the session so far, which began at the stamp `start`; cover times not known.
 
-        Thresholds are drawn if they hold for the whole curve. If the thresholds of pairs differ,
-        the curve of the smallest clearance has none; each highlighted pair is shown with its own.
+        Thresholds are always drawn. If those of pairs differ, the curve of the smallest clearance
+        has those of the pair that is nearest now, and the title names this pair.
         """
         pair, ignored = self._choice.pair, self._choice.ignored
         stamps, lower, upper = self._session.series(pair, ignored)
         if len(stamps) < 2:
             self._clear()  # the old plot may be of another scene
             return
-        unit = scene.unit
-        lower, upper = lower / unit.to_metre, upper / unit.to_metre
-        shared = shared_limits(scene, ignored) if pair is None else scene.thresholds_of(pair)
-        warn, stop = (getattr(shared or scene.thresholds, x) / unit.to_metre for x in _LIMITS)
+        unit, newest = scene.unit, self._session.newest.pairs
+        digits = DECIMALS.get(unit.symbol, 4)
+        lower, upper = (np.round(x / unit.to_metre, digits) for x in (lower, upper))
+        drawn = shared_limits(scene, ignored) if pair is None else scene.thresholds_of(pair)
+        whose = ""
+        if drawn is None:
+            nearest = nearest_pair(newest, ignored, 0.1**digits * unit.to_metre)
+            drawn = scene.thresholds if nearest is None else scene.thresholds_of(nearest)
+            whose = "; thresholds of "
+            whose += "the scene" if nearest is None else f"{' - '.join(nearest)}, the nearest now"
+        warn, stop = (getattr(drawn, x) / unit.to_metre for x in _LIMITS)
         limits = Thresholds(warn, stop, 0.0)
         scale = scale_of(self._scale.value, limits, lower, upper)
         known = ~np.isnan(lower) & np.isfinite(upper)
         places, rows, cover = covered(stamps, known, 1.0 / (scene.settings["rate_hz"] or 1.0))
-        digits = DECIMALS.get(unit.symbol, 4)
         data = [np.round(stamps[places] - start, 2)]
-        data += [np.round(x, digits)[rows] for x in (np.maximum(lower, scale["range"][0]), upper)]
-        data += [cover, *(np.full(len(rows), x) for x in (warn, stop) if shared is not None)]
-        looks = {"series": _series(unit.symbol)[: len(data)], **_scales(scale, limits)}
+        data += [x[rows] for x in (np.maximum(lower, scale["range"][0]), upper)]
+        data += [cover, *(np.full(len(rows), x) for x in (warn, stop))]
+        looks = {"series": _series(unit.symbol), **_scales(scale, limits)}
         if self._plot is None or looks != self._looks:
             # If the look of a plot changed, a browser would forget which times it shows. So another
             # plot is made. The title changes more often, so it is not part of the plot.
@@ -98,12 +104,10 @@ class Plot:
         else:
             self._plot.data = tuple(data)
         grey = "; grey: not known" if cover.any() else ""
-        all_listed = len(self._session.newest.pairs) == scene.pairs
-        which = "all" if all_listed else "the listed"
+        which = "all" if len(newest) == scene.pairs else "the listed"
         title = f"smallest clearance of {which} pairs" if pair is None else " - ".join(pair)
-        own = "" if shared is not None else "; a highlighted pair has its own thresholds"
         what = f"lower and upper bound [{unit.symbol}] over time [s]"
-        told = escape(f"{title}: {what}{grey}{own}")
+        told = escape(f"{title}: {what}{whose}{grey}")
         self._title.content = f'<div class="pm pm-small" id="pm-plot">{told}</div>'
 
     def _clear(self) -> None:
@@ -118,6 +122,22 @@ def shared_limits(scene: SceneInfo, ignored: Collection[PairName]) -> Thresholds
     own = [limits for pair, limits in scene.own_thresholds.items() if pair not in ignored]
     every = own if own and len(own) >= scene.pairs - len(ignored) else [scene.thresholds, *own]
     return every[0] if len({(limits.warn, limits.stop) for limits in every}) == 1 else None
+
+
+def nearest_pair(pairs: Pairs, ignored: Collection[PairName], digit: float) -> PairName | None:
+    """Return the pair with the smallest upper bound of a tick; None: no clearance is known.
+
+    Args:
+        pairs: the pairs of the tick; stale ones do not count.
+        ignored: pairs that do not count.
+        digit: metres. Bounds that are equal when rounded to this are equal; the first of such
+            pairs is returned, so that the choice does not change with every tick.
+    """
+    upper = np.where((pairs.level == STALE) | np.isnan(pairs.upper), np.inf, pairs.upper)
+    upper[[pairs.places[name] for name in ignored if name in pairs.places]] = np.inf
+    if not np.isfinite(upper).any():
+        return None
+    return pairs.names[int(np.argmin(np.round(upper / digit)))]
 
 
 def covered(
@@ -177,8 +197,11 @@ def scale_of(kind: str, limits: Thresholds, lower: np.ndarray, upper: np.ndarray
         return {"auto": False, "range": (max(_round(low), -ABOVE * warn), ABOVE * warn)}
     high = float(uppers.max(initial=ABOVE * warn))
     # The inverse hyperbolic sine is linear near zero, so contact and overlaps have a place. Far
-    # from zero it is logarithmic.
-    bend = max(limits.stop, 0.1 * warn)
+    # from zero it is logarithmic. No threshold and no positive clearance is deep in the linear
+    # part, where it would look like contact.
+    shown = np.concatenate((lower, upper, (limits.stop, limits.warn)))
+    least = float(shown[np.isfinite(shown) & (shown > 0.0)].min(initial=max(high, warn)))
+    bend = least if least in (limits.stop, limits.warn) else 1.0 / _round(1.0 / least)
     return {"auto": False, "range": (_round(low), _round(high)), "distr": 4, "asinh": bend}
 
 

@@ -94,21 +94,49 @@ def test_limits_are_shared_where_warn_and_stop_are_the_same():
     assert plots.shared_limits(every, ()) == TIGHT
 
 
-def test_no_threshold_is_drawn_that_does_not_hold_for_the_curve(shown):
+def test_thresholds_are_those_of_the_pair_that_is_nearest_now_if_they_differ(shown):
     title, data = shown.show(made.frame(0.0, [0.3, 0.01]), made.frame(0.1, [0.3, 0.01]))
     assert title.startswith("smallest clearance of all pairs: ")
-    assert title.endswith("; a highlighted pair has its own thresholds")
-    assert data[1].tolist() == [10.0, 10.0]
-    assert len(data) == len(shown.gui.plots[-1].series) == 4  # no 100 and 20: FAR is clear at 10
-    shown.choice.pair = FAR
-    title, data = shown.show()
+    assert title.endswith("; thresholds of a - c, the nearest now")
     assert data[1].tolist() == [10.0, 10.0]
     assert (data[4][0], data[5][0]) == (2.0, 1.0)
-    shown.choice.pair = NEAR
-    title, data = shown.show()
-    assert title.startswith("a - b: lower and upper bound [mm]")
-    assert data[1].tolist() == [300.0, 300.0]
+    title, data = shown.show(made.frame(0.2, [0.005, 0.01]))
+    assert title.endswith("; thresholds of a - b, the nearest now")
     assert (data[4][0], data[5][0]) == (100.0, 20.0)
+    shown.choice.pair = FAR
+    title, data = shown.show()
+    assert title == "a - c: lower and upper bound [mm] over time [s]"
+    assert (data[4][0], data[5][0]) == (2.0, 1.0)
+
+
+def test_the_nearest_pair_is_known_not_ignored_and_steady():
+    def nearest(*upper, ignored=(), level=0):
+        pairs = made.pairs([-1.0, -1.0], upper, level=level)
+        return plots.nearest_pair(pairs, ignored, 1e-6)
+
+    assert nearest(0.3, 0.01) == FAR
+    assert nearest(0.3, 0.01, ignored={FAR, ("a", "z")}) == NEAR
+    assert nearest(np.nan, 0.01) == FAR
+    assert nearest(0.01 + 1e-9, 0.01) == NEAR, "equal in the shown digits"
+    assert nearest(np.nan, np.inf) is nearest(0.1, 0.1, level=STALE) is None
+
+
+def test_no_clearance_known_leaves_the_thresholds_of_the_scene(shown):
+    title, data = shown.show(*(made.frame(t, [0.3, 0.01], level=STALE) for t in (0.0, 0.1)))
+    assert "; thresholds of the scene" in title
+    assert (data[4][0], data[5][0]) == (100.0, 20.0)
+
+
+@pytest.mark.parametrize("limits", [(0.015, 0.005), (5.0, 1.5), (5.0, 0.0), (0.0, 0.0)])
+@pytest.mark.parametrize("low", [0.0, -0.1])
+def test_no_positive_clearance_looks_like_contact(limits, low):
+    limits = Thresholds(*limits, 0.0)
+    scale = plots.scale_of(LOG, limits, np.array([0.02, low, np.nan]), np.array([0.02, 0.02, 0.0]))
+    (bottom, top), bend = (np.array(scale["range"]), scale["asinh"])
+    span = np.arcsinh(top / bend) - np.arcsinh(bottom / bend)
+    pixels = np.arcsinh(0.02 / bend) / span * (plots.HEIGHT - plots.BELOW - plots.PADDING[0])
+    assert pixels > 5.0
+    assert np.arcsinh(0.02 / bend) > 0.8
 
 
 def test_pairs_with_the_same_limits_share_one_curve(shown):
