@@ -14,8 +14,8 @@ from proximity_monitor.display.listing import admits, left_out
 from proximity_monitor.display.order import KINDS
 from proximity_monitor.display.paging import page_of, pager
 from proximity_monitor.display.shared import Shared
-from proximity_monitor.display.signs import length
-from proximity_monitor.display.state import SceneInfo
+from proximity_monitor.display.signs import between
+from proximity_monitor.display.state import OVERLAPPING, SceneInfo
 
 TURN = "conflicts-from"
 """The word that a press sends to turn to another page of the list."""
@@ -85,7 +85,9 @@ def _row(conflict: Conflict, start: float, scene: SceneInfo, choice: Choice) -> 
     shown, (a, b), worst = conflict.sign(scene), conflict.pair, conflict.worst
     least = at = ""
     if worst is not None:
-        least, at = length(worst.upper, scene.unit), f"{worst.stamp_s - start:.1f} s"
+        overlapping = worst.status == OVERLAPPING
+        least = between(conflict.lowest, worst.upper, overlapping, scene.unit)
+        at = f"{worst.stamp_s - start:.1f} s"
     chosen = " pm-chosen" if conflict.pair == choice.pair else ""
     decided = row_mark(
         conflict.decision, conflict.state, conflict.least, scene.unit, "was worse in this session"

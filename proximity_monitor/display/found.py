@@ -33,6 +33,8 @@ class Conflict(NamedTuple):
     decision: Decision
     events: Sequence[Event]
     """The pair's changes of state, the oldest first."""
+    lowest: float
+    """The smallest lower bound of all ticks in metres; NaN: not known."""
 
     @property
     def least(self) -> float:
@@ -105,9 +107,8 @@ def conflicts(
     for pair, kind, _ in found:
         worst = session.worst(pair)
         decision = decisions.get(frozenset(pair), UNDECIDED)
-        made.append(
-            Conflict(pair, KINDS[kind], worst and worst[1], decision, of_pair.get(pair, ()))
-        )
+        about = worst and worst[1], decision, of_pair.get(pair, ()), session.lowest(pair)
+        made.append(Conflict(pair, KINDS[kind], *about))
     return made
 
 

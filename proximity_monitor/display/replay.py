@@ -14,8 +14,8 @@ from proximity_monitor.display.lines import Lines
 from proximity_monitor.display.parts import Parts
 from proximity_monitor.display.received import Part
 from proximity_monitor.display.session import Session
-from proximity_monitor.display.signs import clearance, length, sign
-from proximity_monitor.display.state import Frame, SceneInfo
+from proximity_monitor.display.signs import between, clearance, length, sign
+from proximity_monitor.display.state import OVERLAPPING, Frame, SceneInfo
 from proximity_monitor.display.style import STYLE
 from proximity_monitor.display.unlisted import reason, sign_of
 from proximity_monitor.display.view import View
@@ -89,13 +89,16 @@ def report(scene: SceneInfo, session: Session, last: Frame, played: str) -> str:
             shown, end = sign_of((a, b), pairs, scene), reason((a, b), pairs, scene)
         else:
             shown, end = sign(pairs, i, scene), clearance(pairs, i, unit)
-        least = found[1].upper if found is not None else float("inf")
+        least, smallest = float("inf"), "n/a"
+        if found is not None:
+            least, overlapping = found[1].upper, found[1].status == OVERLAPPING
+            smallest = between(session.lowest((a, b)), least, overlapping, unit)
         when = f"{found[1].stamp_s - session.span_s[0]:.1f} s" if found is not None else ""
         rows.append(
             (
                 least,
                 f"<tr><td>{escape(a)} - {escape(b)}</td>"
-                f"<td class=pm-num>{length(least, unit)}</td><td class=pm-num>{when}</td>"
+                f"<td class=pm-num>{smallest}</td><td class=pm-num>{when}</td>"
                 f"<td class=pm-num>{end}</td>"
                 f'<td class=pm-sign style="color:{shown.colour}">{shown.glyph} {shown.word}</td>'
                 f"<td class=pm-num>{length(limits.warn, unit)}</td>"

@@ -118,7 +118,7 @@ def _section(
         now, upper = kind_of(last.pairs, row), float(last.pairs.upper[row])
     rows = [("status", escape(_decision(conflict, now, upper, unit)))]
     if conflict.worst is not None:
-        rows += _smallest(conflict.worst, pair, scene, start)
+        rows += _smallest(conflict.worst, conflict.lowest, pair, scene, start)
     if row is not None:
         end = f"{_shown(sign(last.pairs, row, scene))}, {clearance(last.pairs, row, unit)}"
         rows.append(("at the end", end))
@@ -136,15 +136,17 @@ def _image(picture: bytes, alt: str) -> str:
 
 
 def _smallest(
-    worst: Snapshot, pair: PairName, scene: SceneInfo, start: float
+    worst: Snapshot, lowest: float, pair: PairName, scene: SceneInfo, start: float
 ) -> list[tuple[str, str]]:
     unit, told = scene.unit, worst.frame(pair).pairs
+    least = length(lowest, unit)
+    ever = "" if least == length(worst.lower, unit) else f"; at least {least} at every tick"
     points = (f"({', '.join(number(float(x), unit) for x in point)})" for point in worst.points)
     return [
         (
             "smallest clearance",
             f"{_shown(sign(told, 0, scene))}, lower bound {length(worst.lower, unit)}, upper bound"
-            f" {length(worst.upper, unit)}",
+            f" {length(worst.upper, unit)}{ever}",
         ),
         ("at", moment(worst.stamp_s, start)),
         ("closest points", f"{' and '.join(points)} {unit.symbol}, in {escape(scene.frame)}"),
@@ -225,7 +227,7 @@ def conflicts_csv(
     head = ["a", "b", "decided", "comment", "decided_at", "decided_state"]
     head += [f"decided_{which} [{s}]" for which in ("lower", "upper")]
     head += ["worst_state"]
-    head += [f"{which} [{s}]" for which in ("min_lower", "min_upper")]
+    head += [f"{which} [{s}]" for which in ("min_lower", "min_upper", "session_min_lower")]
     head += ["min_stamp [s]", "min_session [s]"]
     head += [f"{axis}_{body} [{s}]" for body in "ab" for axis in "xyz"]
     head += ["state", *(f"{which} [{s}]" for which in ("lower", "upper", "warn", "stop")), "events"]
@@ -248,6 +250,7 @@ def conflicts_csv(
                 each.state,
                 low,
                 high,
+                each.lowest / unit.to_metre,
                 "" if worst is None else f"{worst.stamp_s:.9f}",
                 "" if worst is None else f"{worst.stamp_s - span_s[0]:.3f}",
                 *points,

@@ -129,6 +129,10 @@ class Session:
             return None if found is None else (pair, found)
         return self._smallest.least(ignored)
 
+    def lowest(self, pair: PairName | None = None, ignored: Collection[PairName] = ()) -> float:
+        """Return the smallest lower bound of a pair, or of all; see `Smallest.lowest`."""
+        return self._smallest.lowest(pair, ignored)
+
     @property
     def pairs(self) -> list[PairName]:
         """The pairs that ticks have listed since the smallest clearances were last forgotten."""

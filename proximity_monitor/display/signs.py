@@ -139,13 +139,15 @@ def clearance(pairs: Pairs, row: int, unit: Unit) -> str:
     """Return a pair's clearance: one number, or both bounds if they differ in the shown digits."""
     if pairs.status[row] == UNKNOWN:
         return "no pose"
-    lower, upper = number(pairs.lower[row], unit), number(pairs.upper[row], unit)
-    if pairs.status[row] == OVERLAPPING:
-        low, high = (number(-x, unit) for x in (pairs.upper[row], pairs.lower[row]))
-        return f"{low if low == high else f'{low} … {high}'} {unit.symbol} deep"
-    if lower == upper:
-        return f"{upper} {unit.symbol}"
-    return f"{lower} … {upper} {unit.symbol}"
+    return between(pairs.lower[row], pairs.upper[row], pairs.status[row] == OVERLAPPING, unit)
+
+
+def between(lower: float, upper: float, overlapping: bool, unit: Unit) -> str:
+    """Return a clearance with these bounds in metres; see `clearance`."""
+    bounds = (-upper, -lower) if overlapping else (lower, upper)
+    low, high = (number(x, unit) for x in bounds)
+    both = high if low == high else f"{low} … {high}"
+    return f"{both} {unit.symbol}{' deep' if overlapping else ''}"
 
 
 def feature(told: str) -> str:

@@ -24,6 +24,7 @@ _MOMENT = np.dtype(
     [
         ("lower", float),
         ("upper", float),
+        ("lowest", float),  # smallest lower bound of all ticks
         ("stamp_s", float),
         ("poses", object),
         ("points", float, (2, 3)),
@@ -63,8 +64,11 @@ class Smallest:
             of = kinds(pairs)
             of[of == STALE_KIND] = CLEAR_KIND
             self._moments["worst"][at] = np.minimum(self._moments["worst"][at], of)
+            fresh = pairs.level != STALE
+            lowest = np.fmin(self._moments["lowest"][at], pairs.lower)  # NaN is never lower
+            self._moments["lowest"][at[fresh]] = lowest[fresh]
             nearer = pairs.upper < self._moments["upper"][at]  # NaN is never nearer
-            nearer &= pairs.level != STALE
+            nearer &= fresh
             at = at[nearer]
             for name in _READ:
                 self._moments[name][at] = getattr(pairs, name)[nearer]
@@ -104,6 +108,19 @@ class Smallest:
             pair = next(name for name, at in self._places.items() if at == row)
             return pair, self._snapshot(row)
 
+    def lowest(self, pair: PairName | None, ignored: Collection[PairName]) -> float:
+        """Return the smallest lower bound of a pair, or of all pairs not ignored, in metres.
+
+        At no tick was the clearance smaller. It is NaN if no bound was ever known.
+        """
+        with self._lock:
+            lowest = self._moments["lowest"].copy()
+            lowest[[self._places[name] for name in ignored if name in self._places]] = np.inf
+            if pair is not None:
+                lowest = lowest[[self._places[pair]] if pair in self._places else []]
+            least = float(lowest.min(initial=np.inf))
+            return least if least < np.inf else float("nan")
+
     def conflicts(self) -> list[tuple[PairName, int, float]]:
         """Return the pairs that were not clear, each with its worst state and least upper bound.
 
@@ -121,7 +138,8 @@ class Smallest:
             places = self._places
             at = np.fromiter((places.setdefault(n, len(places)) for n in names), int, len(names))
             more = np.zeros(len(places) - len(self._moments), _MOMENT)
-            more["upper"], more["worst"], more["poses"] = np.inf, CLEAR_KIND, None
+            more["upper"] = more["lowest"] = np.inf
+            more["worst"], more["poses"] = CLEAR_KIND, None
             self._moments = np.concatenate((self._moments, more))
             self._last = (names, at)
         return self._last[1]

@@ -86,9 +86,10 @@ class Timeline:
             self._worst.content = ""
             return
         (a, b), worst = found
-        bounds, least = "", length(worst.lower, scene.unit)
+        lowest = self._session.lowest(self._choice.pair, self._choice.ignored)
+        bounds, least = "", length(lowest, scene.unit)
         if least != length(worst.upper, scene.unit):
-            bounds = f" (at least {least} at that tick)"
+            bounds = f" (at least {least} at every tick)"
         ago = self._session.span_s[1] - worst.stamp_s
         thinned = ""
         if (every_s := self._session.thinned_s) is not None:

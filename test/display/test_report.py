@@ -3,7 +3,9 @@
 import csv
 import io
 import re
+from contextlib import nullcontext
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,11 +13,13 @@ import pytest
 pytest.importorskip("viser", reason="viser is not installed: pip install '.[display]'")
 
 import ticks
-from page_alone import NAMES, PARTS, SCENE, frame
+from page_alone import NAMES, PARTS, SCENE, frame, words
 from viser.infra import StateSerializer
 
 from proximity_monitor.display import replay, report
 from proximity_monitor.display.choice import Choice
+from proximity_monitor.display.conflict_list import ConflictList
+from proximity_monitor.display.conflicts import DecisionStore
 from proximity_monitor.display.decisions import Decision
 from proximity_monitor.display.events import Events
 from proximity_monitor.display.export import csv_of, events_csv, pairs_csv
@@ -24,7 +28,7 @@ from proximity_monitor.display.parts import Parts
 from proximity_monitor.display.portraits import Sitting, _aimed, _close
 from proximity_monitor.display.report import conflicts_csv, report_html
 from proximity_monitor.display.session import Session
-from proximity_monitor.display.state import STALE, STOP, WARN
+from proximity_monitor.display.state import OVERLAPPING, STALE, STOP, WARN
 
 EVIL = Decision("accepted", "<script>alert(1)</script>", "stop", 0.01, 0.01, "2026-01-02T03:04:05")
 FITS = Decision("accepted", "a press fit", "stop", 0.008, 0.01, "2026-01-02T03:04:05")
@@ -92,6 +96,60 @@ def test_the_report_holds_numbers_words_and_picture_and_no_html_of_others():
     assert [float(row[f"decided_{each} [mm]"]) for each in ("lower", "upper")] == [10.0, 10.0]
     assert float(row["min_lower [mm]"]) == pytest.approx(12.3456)
     assert (row["worst_state"], row["state"], row["events"]) == ("stop", "clear", "2")
+
+
+def between(stamp_s, lower, upper, **given):
+    """Return a tick at which only bounds are known."""
+    tick = frame(1e9 + stamp_s, lower)
+    columns = {name: np.full(1, value, np.int8) for name, value in given.items()}
+    return replace(tick, pairs=replace(tick.pairs, upper=np.array([upper]), **columns))
+
+
+def noted(*given):
+    session, events = Session(), Events()
+    for tick in given:
+        session.add(tick, keep=events.note(tick, SCENE))
+    return given[-1], session, events
+
+
+def listed(session, events):
+    """Return the page's list of conflicts as text."""
+    page = SimpleNamespace(content="")
+    gui = SimpleNamespace(add_folder=lambda _: nullcontext(), add_html=lambda _: page)
+    shared = SimpleNamespace(session=session, events=events, decisions=DecisionStore())
+    ConflictList(gui, shared, Choice()).show(SCENE, 0.0)
+    return words(page)
+
+
+def test_the_session_s_least_lower_bound_is_told_with_the_least_upper_bound():
+    last, session, events = noted(
+        between(0, -0.225, 0.03, level=STOP), between(1, 0.005, 0.01, level=STOP),
+        between(2, -0.5, 0.01, level=STALE), between(3, 0.3, 0.3),
+    )  # fmt: skip
+    assert session.lowest(NAMES) == session.lowest() == -0.225
+    assert np.isnan([session.lowest(("a", "z")), session.lowest(ignored={NAMES})]).all()
+    assert "-225.000 … 10.000 mm 1.0 s" in listed(session, events)
+    found = of(session, events, {})
+    html = report_html(found, {}, SCENE, last, session.span_s, {})
+    each = "lower bound 5.000 mm, upper bound 10.000 mm; at least -225.000 mm at every tick"
+    assert each in html
+    text = replay.report(SCENE, session, last, "")
+    assert "<td class=pm-num>-225.000 … 10.000 mm</td>" in text
+    (row,) = csv.DictReader(io.StringIO(conflicts_csv(found, SCENE, last, session.span_s)))
+    bounds = [float(row[f"{each} [mm]"]) for each in ("min_lower", "min_upper")]
+    assert bounds == pytest.approx([5.0, 10.0])
+    assert float(row["session_min_lower [mm]"]) == pytest.approx(-225.0)
+    (row,) = csv.DictReader(io.StringIO(pairs_csv(last, SCENE, session, {})))
+    bounds = [float(row[f"{each} [mm]"]) for each in ("session_min_lower", "session_min")]
+    assert bounds == pytest.approx([-225.0, 10.0])
+    session.forget_worst()
+    assert np.isnan(session.lowest(NAMES))
+
+
+def test_one_number_is_shown_if_both_bounds_print_alike_and_an_overlap_is_so_deep():
+    assert " 12.346 mm 0.0 s" in listed(*told((0.0123456, STOP))[1:])
+    overlap = between(0, -0.0005, -0.000499, level=STOP, status=OVERLAPPING)
+    assert " 0.499 … 0.500 mm deep 0.0 s" in listed(*noted(overlap)[1:])
 
 
 def status_of(*ticks, **changes):
