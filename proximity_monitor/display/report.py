@@ -221,7 +221,11 @@ def _events(
 def conflicts_csv(
     found: Sequence[Conflict], scene: SceneInfo, last: Frame, span_s: tuple[float, float]
 ) -> str:
-    """Return the conflicts as CSV; lengths in the scene's unit, with all digits."""
+    """Return the conflicts as CSV; lengths in the scene's unit, with all digits.
+
+    Its states are those of the page and of `events_csv`, such as ``stop?`` if nothing proves that
+    the pair reached stop. Those of decisions are as in their file.
+    """
     unit, pairs = scene.unit, last.pairs
     s = unit.symbol
     head = ["a", "b", "decided", "comment", "decided_at", "decided_state"]
@@ -247,14 +251,14 @@ def conflicts_csv(
                 decision.decided,
                 decision.state,
                 *("" if x is None else x / unit.to_metre for x in (decision.lower, decision.upper)),
-                each.state,
+                each.sign(scene).word.lower(),
                 low,
                 high,
                 each.lowest / unit.to_metre,
                 "" if worst is None else f"{worst.stamp_s:.9f}",
                 "" if worst is None else f"{worst.stamp_s - span_s[0]:.3f}",
                 *points,
-                "" if row is None else sign(pairs, row, scene).kind,
+                "" if row is None else sign(pairs, row, scene).word.lower(),
                 *(x / unit.to_metre for x in (*now, limits.warn, limits.stop)),
                 len(each.events),
             ]

@@ -146,6 +146,24 @@ def test_the_session_s_least_lower_bound_is_told_with_the_least_upper_bound():
     assert np.isnan(session.lowest(NAMES))
 
 
+@pytest.mark.parametrize(
+    ("lower", "upper", "status", "word"),
+    [
+        (0.02, 0.02, 0, "stop"), (0.0199, 0.0200000005, 0, "stop?"),
+        (-0.02, -0.01, OVERLAPPING, "overlap"),
+    ],
+)  # fmt: skip
+def test_the_tables_of_conflicts_and_of_events_tell_the_same_state(lower, upper, status, word):
+    last, session, events = noted(
+        between(0, 0.3, 0.3), between(1, lower, upper, level=STOP, status=status)
+    )
+    found = of(session, events, {})
+    (row,) = csv.DictReader(io.StringIO(conflicts_csv(found, SCENE, last, session.span_s)))
+    (event,) = csv.DictReader(io.StringIO(events_csv(events, session, SCENE, {})))
+    assert row["worst_state"] == row["state"] == event["after"] == word
+    assert f" {word} " in f" {listed(session, events).lower()} "
+
+
 def test_one_number_is_shown_if_both_bounds_print_alike_and_an_overlap_is_so_deep():
     assert " 12.346 mm 0.0 s" in listed(*told((0.0123456, STOP))[1:])
     overlap = between(0, -0.0005, -0.000499, level=STOP, status=OVERLAPPING)
