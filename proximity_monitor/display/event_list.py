@@ -110,7 +110,7 @@ def _row(event: Event, start: float, decision: Decision, scene: SceneInfo, choic
     chosen = " pm-chosen" if (event.pair, event.stamp_s) == (choice.pair, choice.at_s) else ""
     return (
         f'<tr class="pm-row{chosen}" {word(f"event:{event.number}")}>'
-        f"<td>{event.stamp_s - start:.1f} s</td>"
+        f"<td class=pm-on>{event.stamp_s - start:.1f} s</td>"
         f'<td class=pm-sign style="color:{event.after.colour}">{event.before.glyph}'
         f" {event.before.word} → {event.after.glyph} {event.after.word}</td>"
         f"<td>{a} - {b}{decided}</td>"

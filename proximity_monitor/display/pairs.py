@@ -103,7 +103,8 @@ def _row(pairs: Pairs, i: int, scene: SceneInfo, choice: Choice, decided: str) -
     silent = f"<div class='pm-small'>{escape(pairs.silent[i])}</div>" if pairs.silent[i] else ""
     told = pairs.features.get(i, ()) if (a, b) == choice.pair else ()
     on = "".join(
-        f"<div class='pm-small pm-on'>{escape(body)}: {escape(feature(where))}</div>"
+        f"<div class=pm-small>{escape(body)}: "
+        f"<span class=pm-on>{escape(feature(where))}</span></div>"
         for body, where in zip((a, b), told, strict=False)
     )
     deltas = ", ".join(number(float(x), scene.unit) for x in gap(pairs, i))

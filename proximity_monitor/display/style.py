@@ -8,7 +8,7 @@ STYLE = (
     f"<style>{fresh.STYLE}</style>"
     + """<style>
 .pm { font: 13px/1.45 system-ui, sans-serif; color: inherit; margin: 0 10px 8px;
-      font-variant-numeric: tabular-nums; }
+      font-variant-numeric: tabular-nums; overflow-wrap: anywhere; }
 .pm-line { display: flex; align-items: center; gap: 8px; }
 .pm-cut { flex: 1; min-width: 0; overflow: hidden; text-overflow: ellipsis; white-space: nowrap; }
 .pm-dim { opacity: .62; }
@@ -20,7 +20,7 @@ STYLE = (
 .pm-banner b, .pm-banner .pm-dim { white-space: nowrap; }
 .pm-table { width: 100%; border-collapse: collapse; }
 .pm-table th { text-align: left; font-weight: 600; font-size: 11px; opacity: .65;
-               padding: 2px 4px; border-bottom: 1px solid #8884; }
+               padding: 2px 4px; border-bottom: 1px solid #8884; overflow-wrap: normal; }
 .pm-table td { padding: 3px 4px; border-bottom: 1px solid #8882; vertical-align: top; }
 .pm-table tr.pm-row { cursor: pointer; }
 .pm-table tr.pm-row:hover { background: #0072b214; }

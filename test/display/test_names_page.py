@@ -23,8 +23,9 @@ from page_hand import (
 pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
 pytest.importorskip("viser", reason="viser is not installed: pip install '.[display]'")
 
-LONG = ("Grundplatte & <b>Deckel</b>, sehr lang, mit Überlänge; " * 3)[:155] + "x"
-OTHER = LONG[::-1]
+# It has no space at which it could wrap; the other one has.
+LONG = ("Grundplatte_&_<b>Deckel</b>,_sehr_lang,_mit_Überlänge;_" * 3)[:155] + "x"
+OTHER = LONG[::-1].replace("_", " ")
 CHINESE = "轴承座 左"
 SCENE = f"""
 version: 1
@@ -111,3 +112,25 @@ def test_thresholds_of_such_a_pair_are_set_by_the_sliders(page, wait):
     enter(page, "warn [mm]", "7", 1)
     bar = page.locator(f"{CHOSEN} .pm-bar")
     wait(lambda: "warn 7.000 mm" in bar.get_attribute("title"), "the monitor to take it")
+
+
+def test_no_list_is_wider_than_the_panel(page, wait):
+    # An event of a pair with a long name.
+    tab(page, "Move")
+    enter(page, "Position [mm]", "93", 0)
+    button(page, "Put it there").click()
+    tab(page, "Clearances")
+    wait(lambda: row(page, PAIR)[0] == pytest.approx(0.003), "the pair to be near")
+    page.get_by_text("Clash matrix").click()
+    inside(page, wait, "#pm-matrix")
+    page.get_by_text("Clash matrix").click()
+    tab(page, "Session")
+    inside(page, wait, "#pm-conflicts")
+    inside(page, wait, "#pm-events")
+
+
+def inside(page, wait, table):
+    """Check that all cells of a list are inside the window."""
+    cells = f"{table} tr:nth-child(n + 2) td"
+    wait(page.locator(cells).count, "the list")
+    assert page.eval_on_selector_all(cells, f"all => all.every({INSIDE})")
