@@ -188,46 +188,71 @@ def banner(
     when = "" if choice.at_s is None else "now: "
     if len(shown):
         more = f"+ {len(shown) - 1} more" if len(shown) > 1 else ""
-        return _boxed(sign(pairs, shown[0], scene), when + _told(pairs, shown[0], scene), more)
+        name, figures = _told(pairs, shown[0], scene)
+        return _boxed(sign(pairs, shown[0], scene), when + name, figures, more=more)
     if len(hidden):
         count = f"{len(hidden)} hidden pair{'s are' if len(hidden) > 1 else ' is'} not clear"
         first = sign(pairs, hidden[0], scene)
-        told_first = f"{first.word} {_told(pairs, hidden[0], scene)}"
-        return _boxed(HIDDEN_SIGN, f"{when}{count}: {told_first}", "")
+        name, figures = _told(pairs, hidden[0], scene)
+        return _boxed(HIDDEN_SIGN, f"{when}{count}:", figures, lead=f"{first.word} {name}")
     if not told.current:
-        return _boxed(STALE_SIGN, told.text, "")
+        return _boxed(STALE_SIGN, told.text)
     if left.unsure:
-        return _boxed(STALE_SIGN, f"{when}{'; '.join(left.lines)}", "")
+        return _boxed(STALE_SIGN, f"{when}{'; '.join(left.lines)}")
     which = " listed" if left.unexplained else " watched" if left.unwatched else ""
     count = scene.pairs - left.unexplained - left.unwatched
     if not count:
-        return _boxed(UNWATCHED_SIGN, f"{when}no pair is{which or ' watched'}", "")
+        return _boxed(UNWATCHED_SIGN, f"{when}no pair is{which or ' watched'}")
     text = f"the one{which} pair" if count == 1 else f"all {count}{which} pairs"
     if choice.ignored:
         text += f", {len(choice.ignored)} of them hidden"
-    if len(pairs):
-        a, b = pairs.names[i := int(np.argmin(np.nan_to_num(pairs.lower, nan=np.inf)))]
-        nearest = "nearest" if len(pairs) == scene.pairs else "nearest of those listed"
-        text += f"; {nearest} {a} - {b}: {clearance(pairs, i, scene.unit)}"
-    return _boxed(CLEAR_SIGN, when + text, "")
+    if not len(pairs):
+        return _boxed(CLEAR_SIGN, when + text)
+    a, b = pairs.names[i := int(np.argmin(np.nan_to_num(pairs.lower, nan=np.inf)))]
+    nearest = "nearest" if len(pairs) == scene.pairs else "nearest of those listed"
+    figures = _Figures(clearance(pairs, i, scene.unit))
+    return _boxed(CLEAR_SIGN, f"{when}{text};", figures, lead=f"{nearest} {a} - {b}:")
 
 
-def _told(pairs: Pairs, i: int, scene: SceneInfo) -> str:
+class _Figures(NamedTuple):
+    """What the banner tells of a pair's clearance."""
+
+    number: str
+    how: str = ""
+    limit: str = ""
+
+
+def _told(pairs: Pairs, i: int, scene: SceneInfo) -> tuple[str, _Figures]:
+    """Return a pair's name and its figures."""
     level, limits = pairs.level[i], scene.thresholds_of(pairs.names[i])
-    said = pairs.silent[i] if level == STALE else clearance(pairs, i, scene.unit)
-    if level in (STOP, WARN):
-        limit, name = (limits.stop, "stop") if level == STOP else (limits.warn, "warn")
-        how = "not proved above " if unproved(pairs, i, scene) else ""
-        said += f", {how}{name} at {length(limit, scene.unit)}"
     a, b = pairs.names[i]
-    return f"{a} - {b}: {said}"
+    if level == STALE:
+        return f"{a} - {b}:", _Figures("", pairs.silent[i])
+    said, how, limit = clearance(pairs, i, scene.unit), "", ""
+    if level in (STOP, WARN):
+        at, name = (limits.stop, "stop") if level == STOP else (limits.warn, "warn")
+        how = "not proved above" if unproved(pairs, i, scene) else ""
+        said, limit = f"{said},", f"{name} at {length(at, scene.unit)}"
+    return f"{a} - {b}:", _Figures(said, how, limit)
 
 
-def _boxed(shown: Sign, text: str, more: str) -> str:
+def _boxed(
+    shown: Sign, text: str, figures: _Figures | None = None, *, lead: str = "", more: str = ""
+) -> str:
+    """Return the banner, which has two lines. If they are too short, words are cut, not numbers."""
     role = "status" if shown is CLEAR_SIGN else "alert"
+    told, kind = "", "pm-both"
+    if figures is not None:
+        kind = "pm-cut"
+        words = (("pm-cut", lead), ("pm-on", figures.number), ("pm-cut", figures.how),
+                 ("pm-on", figures.limit))  # fmt: skip
+        told = "".join(f"<span class={c}>{escape(each)}</span>" for c, each in words if each)
+        told = f"<span class=pm-figures>{told}</span>"
+    title = " ".join(filter(None, (text, lead, *(figures or ()))))
     return (
         f'<div class=pm><div class=pm-banner role={role} id="pm-banner" data-word="{shown.word}"'
-        f' style="border-color:{shown.colour}" title="{escape(text)}">'
+        f' style="border-color:{shown.colour}" title="{escape(title)}">'
         f'<b style="color:{shown.colour}">{mark(shown)}</b>'
-        f"<span class=pm-cut>{escape(text)}</span><span class=pm-dim>{more}</span></div></div>"
+        f"<span class={kind}>{escape(text)}</span>{told}"
+        f"<span class=pm-dim>{more}</span></div></div>"
     )

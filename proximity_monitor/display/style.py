@@ -10,13 +10,22 @@ STYLE = (
 .pm { font: 13px/1.45 system-ui, sans-serif; color: inherit; margin: 0 10px 8px;
       font-variant-numeric: tabular-nums; overflow-wrap: anywhere; }
 .pm-line { display: flex; align-items: center; gap: 8px; }
+div:has(> #pm-connection) { position: sticky; top: 0; z-index: 5; padding: 4px 0;
+                            background: var(--mantine-color-body); }
+/* In a box with hidden overflow it would not stick. */
+.mantine-ScrollArea-content [style*=overflow]:has(#pm-connection) { overflow: clip !important; }
 .pm-cut { flex: 1; min-width: 0; overflow: hidden; text-overflow: ellipsis; white-space: nowrap; }
 .pm-dim { opacity: .62; }
 .pm-small { font-size: 11.5px; }
 .pm-pill { border-radius: 10px; padding: 1px 9px; font-weight: 600; color: #fff;
            white-space: nowrap; }
 .pm-banner { border-radius: 6px; padding: 6px 10px; border: 2px solid; background: #fff;
-             color: #222; display: flex; gap: 8px; align-items: baseline; }
+             color: #222; display: grid; grid: 1.45em 1.45em / auto minmax(0, 1fr) auto;
+             column-gap: 8px; }
+.pm-banner > * { grid-row: 1; }
+.pm-banner .pm-both { grid-row: 1 / 3; overflow: hidden; }
+.pm-banner .pm-figures { grid-area: 2 / 1 / 3 / 4; display: flex; gap: 4px; min-width: 0; }
+.pm-figures .pm-cut { flex: 0 1 auto; }
 .pm-banner b, .pm-banner .pm-dim { white-space: nowrap; }
 .pm-table { width: 100%; border-collapse: collapse; }
 .pm-table th { text-align: left; font-weight: 600; font-size: 11px; opacity: .65;
@@ -27,7 +36,7 @@ STYLE = (
 .pm-table .pm-chosen { background: #0072b226; }
 .pm-table .pm-num { text-align: right; white-space: nowrap; }
 .pm-table .pm-group td { font-weight: 600; background: #8882; }
-.pm-unproved { color: #b04e00; font-weight: 600; }
+.pm-unproved { color: var(--pm-old, #b04e00); font-weight: 600; }
 .pm-fault { border: 2px solid #b3261e; border-radius: 6px; padding: 6px 10px; color: #b3261e; }
 .pm-on { white-space: nowrap; }
 .pm-sign { font-weight: 700; white-space: nowrap; }

@@ -10,7 +10,7 @@ from page_hand import CHOSEN, button, enter, field, opened, press, select, tab
 
 pytest.importorskip("viser", reason="viser is not installed: pip install '.[display]'")
 
-from page_alone import HERE, PARTS, SCENE, page_of
+from page_alone import HERE, PARTS, SCENE, frame, page_of
 
 from proximity_monitor.display.paging import ROWS
 from proximity_monitor.display.state import STOP, Body, Frame, Pairs
@@ -142,3 +142,49 @@ def test_events_are_filtered_by_state_and_part(long_session, wait):
     tab(page, "Session")
     wait(lambda: seen(made, page, EVENTS, 0) == ["85.0 s"], "the one event")
     assert "199 left out by the filter" in page.inner_text("#pm-events ~ [data-word='unfilter:']")
+
+
+# Whether the middle of the pill can be seen in the window.
+PILL_SEEN = """() => {
+  const pill = document.querySelector('#pm-connection .pm-pill');
+  const r = pill.getBoundingClientRect();
+  return pill.contains(
+    document.elementFromPoint((r.left + r.right) / 2, (r.top + r.bottom) / 2));
+}"""
+
+
+@pytest.fixture
+def short_session(browser, server, monkeypatch, tmp_path, wait):
+    """A page in a low window with two events of a pair."""
+    page = opened(browser, f"http://127.0.0.1:{server.get_port()}", height=400)
+    wait(server.get_clients, "the browser")
+    (client,) = server.get_clients().values()
+    made = page_of(server, client, monkeypatch, tmp_path / "short.conflicts.json")
+    made.tell(frame=frame(1.0, 0.01, STOP))
+    made.tell(frame=frame(2.0))
+    tab(page, "Session")
+    yield made, page
+    page.close()
+
+
+def test_the_past_is_marked_also_where_the_panel_is_scrolled_down(short_session, wait):
+    made, page = short_session
+    wait(lambda: seen(made, page, EVENTS, 0) == ["2.0 s", "1.0 s"], "the events")
+    event = page.locator(EVENTS).last
+    event.dispatch_event("pointerdown")
+    pill = page.locator("#pm-connection")
+    wait(lambda: made.tell() or pill.get_attribute("data-state") == "past", "the past")
+    event.evaluate("each => each.scrollIntoView({block: 'start'})")
+    assert page.locator("#pm-banner").bounding_box()["y"] < 0.0
+    assert page.evaluate(PILL_SEEN)
+
+
+def test_what_is_not_proved_turns_grey_when_no_tick_comes(short_session, wait):
+    made, page = short_session
+    now = frame(3.0, 0.01, STOP)
+    made.tell(frame=replace(now, pairs=replace(now.pairs, upper=np.array([0.03]))))
+    tab(page, "Clearances")
+    told = page.locator("#pm-pairs .pm-unproved")
+    wait(lambda: told.all_inner_texts() == ["not proved above stop"], "the doubt")
+    colour = "each => getComputedStyle(each).color"
+    wait(lambda: told.evaluate(colour) == "rgb(122, 122, 133)", "the page to turn grey")

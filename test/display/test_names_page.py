@@ -34,11 +34,11 @@ rate_hz: 10
 bodies:
   - {{name: '{LONG}', primitive: {{box: {{size: [90, 90, 90]}}}}, moving: true}}
   - {{name: {CHINESE}, primitive: {{box: {{size: [90, 90, 90]}}}}, moving: true}}
-  - {{name: '{OTHER}', primitive: {{box: {{size: [9, 9, 9]}}}}, pose: {{position: [0, 0, 90]}}}}
+  - {{name: '{OTHER}', primitive: {{box: {{size: [9, 9, 9]}}}}, pose: {{position: [0, 0, 50]}}}}
 pairs:
   groups: {{alle Teile: ['{LONG}', '{OTHER}']}}
   watch:
-    - {{between: [alle Teile, alle Teile]}}
+    - {{between: [alle Teile, alle Teile], thresholds: {{warn: 5, stop: 1}}}}
     - {{between: [alle Teile, {CHINESE}], thresholds: {{warn: 5, stop: 1}}}}
 motion:
   script:
@@ -51,6 +51,17 @@ TWO_LONG = f"{LONG} - {OTHER}"
 INSIDE = """each => {
   const r = each.getBoundingClientRect();
   return r.width > 0 && r.left >= 0 && r.right <= innerWidth;
+}"""
+
+# Whether all of an element of the banner is inside each element around it, up to the banner.
+WHOLE = """each => {
+  const r = each.getBoundingClientRect();
+  for (let e = each; e.id !== 'pm-banner'; e = e.parentElement) {
+    const o = e.parentElement.getBoundingClientRect();
+    if (e.scrollWidth > e.clientWidth && e.clientWidth) return false;
+    if (r.left < o.left || r.right > o.right || r.top < o.top || r.bottom > o.bottom) return false;
+  }
+  return r.width > 0;
 }"""
 
 
@@ -80,6 +91,13 @@ def test_long_names_are_listed_and_push_no_number_out(page):
     for i in range(numbers.count()):
         assert numbers.nth(i).evaluate(INSIDE)
     assert page.locator("#pm-banner b").first.evaluate(INSIDE)
+
+
+def test_the_banner_cuts_the_names_and_not_the_numbers(page):
+    numbers = page.locator("#pm-banner .pm-on")
+    assert numbers.all_inner_texts() == ["0.500 mm,", "stop at 1.000 mm"]
+    for number in numbers.all():
+        assert number.evaluate(WHOLE)
 
 
 def test_a_pair_of_two_long_names_is_picked_by_a_press(page, wait):
@@ -117,6 +135,8 @@ def test_thresholds_of_such_a_pair_are_set_by_the_sliders(page, wait):
 def test_no_list_is_wider_than_the_panel(page, wait):
     # An event of a pair with a long name.
     tab(page, "Move")
+    select(page, field(page, "Part"), CHINESE)
+    wait(lambda: float(field(page, "Position [mm]", 0).input_value()) >= 120.0, "the part")
     enter(page, "Position [mm]", "93", 0)
     button(page, "Put it there").click()
     tab(page, "Clearances")
@@ -132,5 +152,5 @@ def test_no_list_is_wider_than_the_panel(page, wait):
 def inside(page, wait, table):
     """Check that all cells of a list are inside the window."""
     cells = f"{table} tr:nth-child(n + 2) td"
-    wait(page.locator(cells).count, "the list")
-    assert page.eval_on_selector_all(cells, f"all => all.every({INSIDE})")
+    all_inside = f"all => all.length > 0 && all.every({INSIDE})"
+    wait(lambda: page.eval_on_selector_all(cells, all_inside), f"{table} to be in the window")

@@ -155,7 +155,7 @@ def test_the_list_says_what_the_library_says_the_least_margin_first(page, of_eng
         assert "125.000 mm" in found["die - cursor"][2]
         assert "Δ 0.000, -125.000, 0.000" in found["die - cursor"][2]
         assert any("● 125.000 mm" in text for text in page.evaluate(TEXTS, "/distances"))
-        banner = page.inner_text("#pm-banner")
+        banner = " ".join(page.inner_text("#pm-banner").split())
         assert "all 6 pairs; nearest" in banner
         assert banner.endswith("die - cursor: 125.000 mm")
 
