@@ -111,7 +111,7 @@ def _figure(
     bounds = ""
     if event.then is not None:
         low, high = (length(x, scene.unit) for x in (event.lower, event.upper))
-        bounds = f", between {low} and {high}"
+        bounds = f", {low}" if low == high else f", between {low} and {high}"
     told = (
         f"{event.stamp_s - start_s:.1f} s: {' - '.join(event.pair)}, {event.before.word} →"
         f" {event.after.word}{bounds}"

@@ -67,11 +67,13 @@ class Fine:
         digits = DECIMALS.get(unit.symbol, 4)
         self._unit = unit
         self._step.label = f"Step [{unit.symbol}]"
-        self._step.precision, self._step.step = digits, 10.0**-digits
+        self._step.precision = digits
+        self._step.min = self._step.step = 10.0**-digits
         self._step.value = 100.0 * 10.0**-digits
 
     def _steps(self) -> tuple[float, float]:
-        return self._step.value * self._unit.to_metre, np.radians(self._turn.value)
+        step = max(self._step.value, self._step.min)  # a browser shows the least one later
+        return step * self._unit.to_metre, np.radians(self._turn.value)
 
     def grip(self, start: np.ndarray, hand: np.ndarray) -> None:
         """Begin a drag of a part at a pose (7,), metres, with the handles at the pose `hand`."""
@@ -93,7 +95,7 @@ class Fine:
         shift, turn = self._shift, self._turned
         if self._snap.value:
             step, angle = self._steps()
-            shift = np.round(shift / step) * step if step > 0.0 else shift
+            shift = np.round(shift / step) * step
             size = np.linalg.norm(turn)
             if angle > 0.0 and size > 0.0:
                 turn = turn * (np.round(size / angle) * angle / size)

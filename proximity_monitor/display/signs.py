@@ -127,7 +127,8 @@ def number(metres: float, unit: Unit) -> str:
         return "n/a"
     if math.isinf(metres):
         return "∞" if metres > 0.0 else "-∞"
-    return f"{metres / unit.to_metre:.{DECIMALS.get(unit.symbol, 4)}f}"
+    digits = DECIMALS.get(unit.symbol, 4)
+    return f"{round(metres / unit.to_metre, digits) + 0.0:.{digits}f}"  # + 0.0: never "-0.000"
 
 
 def length(metres: float, unit: Unit) -> str:

@@ -23,6 +23,7 @@ import numpy as np
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
+from proximity_monitor.motion.motion import counted
 from proximity_monitor.ros.inputs import Inputs
 from proximity_monitor.ros.scene_parameters import Settings
 from proximity_monitor.scene.alerts import Level
@@ -177,7 +178,8 @@ class Health:
         if state.activity != "active":
             level, what = DiagnosticStatus.WARN, f"{state.activity}: no clearance is watched"
         elif new:
-            level, what = DiagnosticStatus.WARN, f"{new} overruns in the last second"
+            many = counted(new, "overrun", "overruns")
+            level, what = DiagnosticStatus.WARN, f"{many} in the last second"
         values = {
             "activity": state.activity,
             "rate_hz": f"{settings.rate_hz:g}",

@@ -16,6 +16,7 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from rclpy.parameter import Parameter
 
 from proximity_monitor import engine
+from proximity_monitor.motion.motion import counted
 from proximity_monitor.ros import parameters
 from proximity_monitor.ros.descriptions import Descriptions
 from proximity_monitor.ros.scene_parameters import SceneParameters
@@ -88,8 +89,8 @@ class ProximityMonitor(LifecycleNode):
         """Load the scene, prepare the search, create publishers, subscriptions and services."""
         scene = load_scene(find_scene(self.get_parameter("scene").value), self._descriptions.wait)
         self.get_logger().info(
-            f"{scene.path}: {len(scene.bodies)} bodies, {len(scene.pairs)} pairs; preparing the"
-            " search"
+            f"{scene.path}: {counted(len(scene.bodies), 'body', 'bodies')},"
+            f" {counted(len(scene.pairs), 'pair', 'pairs')}; preparing the search"
         )
         for warning in scene.warnings:
             self.get_logger().warning(warning)

@@ -148,6 +148,18 @@ def test_a_step_is_as_long_as_was_shown_when_it_was_pressed(page, raw, server):
     assert labelled["Step [mm]"].value == 5.0
 
 
+def test_the_least_step_is_one_of_the_last_shown_digit(page, raw, server):
+    labelled = {getattr(each, "label", ""): each for each in raw.inputs()}
+    step = labelled["Step [mm]"]
+    assert step.min == pytest.approx(0.001)  # the browser raises smaller ones to it
+    raw.set(page.move._who, "b")
+    step.value = 0.0
+    raw.set(labelled["Step by"], "+X")
+    raw.heard(server)
+    page.tell()
+    assert page.holds.poses["b"][0] == pytest.approx(3.000001, abs=1e-9)
+
+
 def test_each_tick_is_good_for_a_second_from_when_it_came(page):
     told = []
     for stamp_s in (1.0, 2.0):

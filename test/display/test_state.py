@@ -2,12 +2,15 @@
 
 import dataclasses
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from ticks import pairs
 
 from proximity_monitor.display.choice import Choice
+from proximity_monitor.display.event_picture import _figure
+from proximity_monitor.display.events import Event
 from proximity_monitor.display.geometry import (
     feature_edges,
     from_degrees,
@@ -16,7 +19,15 @@ from proximity_monitor.display.geometry import (
     to_degrees,
 )
 from proximity_monitor.display.holds import Hand, Holds
-from proximity_monitor.display.signs import clearance, length, ramp, sign, uncertain
+from proximity_monitor.display.signs import (
+    CLEAR_SIGN,
+    STOP_SIGN,
+    clearance,
+    length,
+    ramp,
+    sign,
+    uncertain,
+)
 from proximity_monitor.display.state import (
     BOUNDED,
     INTERSECTING,
@@ -108,6 +119,20 @@ def test_numbers_bear_their_unit():
     assert length(-0.5, Unit("m", 1.0)) == "-0.50000 m"
     assert length(0.0254, Unit("in", 0.0254)) == "1.0000 in"
     assert length(np.inf, MM) == "∞ mm"
+
+
+def test_what_rounds_to_zero_has_no_minus():
+    assert length(-1e-8, MM) == length(0.0, MM) == "0.000 mm"
+    assert length(-6e-7, MM) == "-0.001 mm"
+
+
+def test_an_event_whose_bounds_read_the_same_has_one_number():
+    then = SimpleNamespace(lower=0.0574760, upper=0.0574761)
+    given = Event(0, 1.0, ("a", "b"), CLEAR_SIGN, STOP_SIGN, "", then)
+    scene = SimpleNamespace(unit=MM)
+    assert "STOP, 57.476 mm<" in _figure(given, None, "", scene, 0.0)
+    then.upper = 0.0575
+    assert "STOP, between 57.476 mm and 57.500 mm<" in _figure(given, None, "", scene, 0.0)
 
 
 def test_one_number_where_it_is_known_and_both_bounds_where_they_differ():

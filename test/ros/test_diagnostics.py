@@ -1,6 +1,7 @@
 """The counts in the diagnostics, tested without a node."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -48,3 +49,13 @@ def test_every_pair_is_counted_once_listed_or_not():
     attached = Tick(near[:1], 0.0, 0.0, (), 0, far=2)
     told = Health("monitor", "cell")._clearance(NodeState(**nothing | given | {"tick": attached}))
     assert {each.key: each.value for each in told.values}["pairs not watched"] == "2"
+
+
+@pytest.mark.parametrize("count, said", [(1, "1 overrun in"), (2, "2 overruns in")])
+def test_one_overrun_is_told_in_the_singular(count, said):
+    health = Health("monitor", "cell")
+    health.timing.budget_overruns = count
+    settings = SimpleNamespace(rate_hz=10.0, budget_s=0.01)
+    given = {"tick": None, "settings": settings, "activity": "active", "distance_ticks": 0}
+    state = NodeState(**dict.fromkeys(NodeState._fields) | given)
+    assert health._schedule(state).message == f"{said} the last second"
