@@ -128,7 +128,8 @@ class Pages:
     def _tell(self, error: Exception) -> str:
         """Log an error, and return it as one line."""
         line = f"{type(error).__name__}: {error}"
-        told = f"a page failed, {line}\n{''.join(traceback.format_exception(error))}"
+        told = f"a page failed, {line}\n{''.join(traceback.format_exception(error)).rstrip()}"
+        told = told.replace("\n", "\n  ")  # indented: the demo sees where the record ends
         if told != self._logged:  # otherwise the same error is logged 25 times a second
             self._logged = told
             self._log(told)

@@ -7,16 +7,22 @@ from __future__ import annotations
 
 import importlib.util
 import os
+import re
 import signal
 import subprocess
 import sys
 import threading
 import webbrowser
+from collections import deque
 from collections.abc import Callable
 
 _MODULE = "proximity_monitor.display"
 _ADDRESS = "display: "
 _ERRORS = ("[ERROR]", "[FATAL]")
+_RECORD = re.compile(r"\[(DEBUG|INFO|WARN|ERROR|FATAL)\]")
+"""How a record of the ROS log begins; indented lines that follow belong to the record."""
+_MOST_LINES = 100
+"""Maximum number of lines of output, such as an uncaught traceback, that are kept for the end."""
 _END_S = 10.0
 
 
@@ -50,22 +56,45 @@ class PageProcess:
         self._reading.join()
 
     def _read(self) -> None:
-        last, there = "", False
+        there, passes_on, in_record = False, False, False
+        output: deque[str] = deque(maxlen=_MOST_LINES)  # since the last record
         for line in self._process.stdout:
-            last = line.strip() or last
-            if line.startswith(_ERRORS):
-                self._say(line.strip())
-            elif line.startswith(_ADDRESS):
-                there = True
-                address = line.removeprefix(_ADDRESS).strip()
+            text = line.rstrip()
+            if line.startswith(_ADDRESS):
+                there, passes_on, in_record = True, False, True
+                output.clear()
+                address = text.removeprefix(_ADDRESS).strip()
                 self._say(f"Drag the parts and see their clearances at {address}")
                 if _has_desktop():
                     webbrowser.open(address)
+            elif text:
+                if _RECORD.match(line):
+                    passes_on, in_record = line.startswith(_ERRORS), True
+                    output.clear()
+                elif not (in_record and line[0].isspace()):
+                    in_record = False
+                    output.append(text)
+                if passes_on:
+                    self._say(text)
         if not self._stopping:
-            code = self._process.wait()
-            said = last if last and not last.startswith(_ADDRESS) else "no message"
-            what = f"The page has ended (exit code {code})" if there else "No page"
-            self._say(f"{what}: {said}")
+            if not passes_on and len(output) > 1:
+                self._say("\n".join(output))
+            self._tell_end(there, output[-1] if output else "no message")
+
+    def _tell_end(self, there: bool, reason: str) -> None:
+        """Tell that the process has ended; `reason` does not hold if a signal ended it."""
+        code = self._process.wait()
+        if code < 0:
+            try:
+                name = signal.Signals(-code).name
+            except ValueError:  # a real-time signal
+                name = f"signal {-code}"
+            how = f"killed by {name}"
+            self._say(f"The page has ended: {how}" if there else f"No page: {how}")
+        elif there:
+            self._say(f"The page has ended (exit code {code}): {reason}")
+        else:
+            self._say(f"No page: {reason}")
 
 
 def can_show_page() -> bool:

@@ -113,28 +113,67 @@ def test_the_demo_can_do_without(demo, wait):
     assert "http" not in process.text
 
 
-ENDS = """
-print("display: http://127.0.0.1:1", flush=True)
-print("[ERROR] [1.0] [proximity_display]: a page failed, KeyError: 'x'", flush=True)
-raise SystemExit("no more room")
-"""
+ADDRESS_LINE = "display: http://127.0.0.1:1"
+ERROR = """[ERROR] [1.0] [proximity_display]: a page failed, KeyError: 'x'
+  Traceback (most recent call last):
+    File "page.py", line 1, in show
+  KeyError: 'x'"""
+INFO = "[INFO] [2.0] [proximity_display]: on"
+UNCAUGHT = """Traceback (most recent call last):
+  File "page.py", line 2, in run
+OSError: no more room"""
+KILLED = "import os; os.kill(os.getpid(), 9)"
 
 
+@pytest.mark.parametrize(
+    "printed, end, passed_on, last",
+    [
+        ([ERROR], "exit(1)", ERROR, "The page has ended (exit code 1): no message"),
+        ([ERROR], KILLED, ERROR, "The page has ended: killed by SIGKILL"),
+        (["a warning"], KILLED, "", "The page has ended: killed by SIGKILL"),
+        (["no more room"], "exit(1)", "", "The page has ended (exit code 1): no more room"),
+        (
+            [ERROR, INFO, UNCAUGHT],
+            "exit(1)",
+            f"{ERROR}\n{UNCAUGHT}",
+            "The page has ended (exit code 1): OSError: no more room",
+        ),
+        (
+            [ERROR, UNCAUGHT],
+            "exit(1)",
+            f"{ERROR}\n{UNCAUGHT}",
+            "The page has ended (exit code 1): OSError: no more room",
+        ),
+        ([UNCAUGHT, INFO], "exit(1)", "", "The page has ended (exit code 1): no message"),
+    ],
+)
 def test_the_demo_passes_on_what_the_page_says_of_its_errors_and_its_end(
-    tmp_path, monkeypatch, wait
+    printed, end, passed_on, last, tmp_path, monkeypatch, wait
 ):
-    (tmp_path / "ends.py").write_text(ENDS)
+    lines = "\n".join([ADDRESS_LINE, *printed])
+    (tmp_path / "ends.py").write_text(f"print({lines!r}, flush=True)\n{end}\n")
     monkeypatch.setattr(page_process, "_MODULE", "ends")
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     for desktop in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(desktop, raising=False)
     said = []
     process = page_process.PageProcess(said.append)
-    wait(lambda: len(said) == 3, "three lines")
+    wait(lambda: said and said[-1].startswith("The page has ended"), "the end")
     process.stop()
     assert said[0] == f"{ADDRESS_PREFIX}http://127.0.0.1:1"
-    assert said[1].endswith("a page failed, KeyError: 'x'")
-    assert said[2] == "The page has ended (exit code 1): no more room"
+    assert "\n".join(said[1:-1]) == passed_on
+    assert said[-1] == last
+
+
+def test_the_demo_says_that_no_page_came(tmp_path, monkeypatch, wait):
+    (tmp_path / "ends.py").write_text('raise SystemExit("no more room")')
+    monkeypatch.setattr(page_process, "_MODULE", "ends")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    said = []
+    process = page_process.PageProcess(said.append)
+    wait(lambda: said, "the end")
+    process.stop()
+    assert said == ["No page: no more room"]
 
 
 # Whether a part's mesh is drawn flat, and its numbers of vertices and triangles.
@@ -223,6 +262,6 @@ def test_the_turbine_on_the_page(demo, browser, wait, eventually):
     page.close()
     assert page.errors == []
     os.kill(process.display(), signal.SIGKILL)
-    ended = "The page has ended (exit code -9)"
-    assert wait(lambda: process.says(ended), "the demo to say so") == ": no message"
+    ended = "The page has ended: "
+    assert wait(lambda: process.says(ended), "the demo to say so") == "killed by SIGKILL"
     assert process.interrupt() == 0

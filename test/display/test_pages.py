@@ -46,6 +46,7 @@ def test_an_error_in_one_browser_s_page_is_shown_there_logged_once_and_survived(
         assert words(page.all._fault) == ""
     (told,) = page.logged
     assert "test_pages.py" in told and "ZeroDivisionError" in told
+    assert all(line.startswith("  ") for line in told.splitlines()[1:])  # for the demo
     monkeypatch.setattr(theirs._lines, "show", sound)
     page.tell(frame=frame(3.0, 0.3))
     assert "ZeroDivisionError" in words(theirs._fault)  # still shown for a while
