@@ -10,7 +10,6 @@ from typing import Any
 
 import viser
 
-from proximity_monitor.display import serving
 from proximity_monitor.display.conflicts import DecisionStore
 from proximity_monitor.display.connection import connection
 from proximity_monitor.display.events import Events
@@ -78,8 +77,6 @@ class Pages:
             page.admit(fault or self._guarded(show) or asked or beside, now_s)
             if time.monotonic() > now_s + STEP_S:
                 break
-        if fault := self._guarded(lambda: serving.wake(self._shared.server)):
-            self._overheard = fault
 
     def _follow(self) -> None:
         """Keep what all pages share up to date."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import http
 import io
@@ -16,7 +17,7 @@ from urllib.parse import urlsplit
 import viser
 import websockets.asyncio.server
 import websockets.typing
-from viser.infra import _infra
+from viser.infra import _async_message_buffer, _infra
 
 from proximity_monitor.display.intake import Intake
 
@@ -36,6 +37,41 @@ _TURN_S, _LOOK_S = 0.01, 0.0005
 """Maximum seconds to wait for a sender's turn, and seconds between two checks for it."""
 
 
+class _LoopEvent(asyncio.Event):
+    """An asyncio event that other threads may set too: they let the event's loop do it.
+
+    viser sets an event at each message, in the thread that sends the message. asyncio does not
+    support that: `set` fails if a sender begins or ends to wait meanwhile, and a sender that is
+    about to wait may miss the event, and with it every later one.
+    """
+
+    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
+        super().__init__()
+        self._of = loop
+        self._asked = False
+
+    def set(self) -> None:
+        """Set the event: at once in the loop's thread, otherwise at the loop's next turn."""
+        if asyncio._get_running_loop() is self._of:
+            self._set()
+        elif not self._asked:
+            self._asked = True
+            with contextlib.suppress(RuntimeError):  # the loop is closed: no sender is left
+                self._of.call_soon_threadsafe(self._set)
+
+    def _set(self) -> None:
+        self._asked = False  # first, so that a thread that finds it true is not too late
+        super().set()
+
+
+class _Buffer(_async_message_buffer.AsyncMessageBuffer):
+    """The messages for a browser, which any thread may add to."""
+
+    def __init__(self, event_loop: asyncio.AbstractEventLoop, persistent_messages: bool) -> None:
+        event = _LoopEvent(event_loop)
+        super().__init__(event_loop, persistent_messages, message_event=event)
+
+
 def serve(host: str, port: int, title: str) -> viser.ViserServer:
     """Start the server in its own threads.
 
@@ -52,6 +88,7 @@ def serve(host: str, port: int, title: str) -> viser.ViserServer:
     socket.create_server((host, 0), family=family).close()
     # A browser may leave during a step of its page; the next step notices it.
     warnings.filterwarnings("ignore", r"Queued a \w+ on a closed connection")
+    _infra.AsyncMessageBuffer = _Buffer
     intake = Intake()
     with _STARTING, _guarded(intake), _silence():  # viser prints a banner
         server = viser.ViserServer(host=host, port=port, label=title, verbose=False)
@@ -87,25 +124,6 @@ def hand_over(client: viser.ClientHandle) -> None:
     buffer, ends = client._websock_connection.get_message_buffer(), time.monotonic() + _TURN_S
     while buffer.message_from_id and not buffer.done and time.monotonic() < ends:
         time.sleep(_LOOK_S)
-
-
-def wake(server: viser.ViserServer) -> None:
-    """Wake the senders to the browsers in case they missed an event; call this after each step.
-
-    viser sets an asyncio event from other threads as well, which asyncio does not support. If the
-    event is set after a sender has checked it and before that sender waits, the sender sleeps with
-    the event set. Every later `set` does nothing, so that browser would never get a message again.
-    """
-    connections = [client._websock_connection for client in server.get_clients().values()]
-    buffers = [each.get_message_buffer() for each in (server._websock_server, *connections)]
-
-    def set_again() -> None:
-        for buffer in buffers:
-            if buffer.message_event.is_set():
-                buffer.message_event.clear()
-                buffer.message_event.set()
-
-    server.get_event_loop().call_soon_threadsafe(set_again)
 
 
 def _silence() -> contextlib.AbstractContextManager:

@@ -2,8 +2,10 @@
 
 import socket
 import sys
+import threading
 import time
 import warnings
+from collections import deque
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
@@ -102,13 +104,35 @@ def test_what_is_handed_over_is_sent_before_the_next_block_ends(server, raw, mon
     for i in range(20):
         with raw.client.atomic():
             numbers.content = f"number {i}"
-        serving.wake(server)
         serving.hand_over(raw.client)
         with raw.client.atomic():
             deadline = time.monotonic() + DEADLINE_S
             while f"number {i}" not in str(raw.last):
                 assert time.monotonic() < deadline, "the number to be heard within the block"
                 time.sleep(0.001)
+
+
+def test_senders_are_woken_in_their_own_thread_whichever_thread_sends_a_message(server, raw, wait):
+    """An asyncio event that another thread sets may fail, or its waiters may miss it."""
+    woken_in = set()
+
+    class Waiters(deque):
+        def __iter__(self):
+            woken_in.add(threading.current_thread())
+            return super().__iter__()
+
+    for add, connection in (
+        (server.gui.add_html, server._websock_server),
+        (raw.client.gui.add_html, raw.client._websock_connection),
+    ):
+        event = connection.get_message_buffer().message_event
+        event._waiters = Waiters(event._waiters)
+        wait(lambda event=event: event._waiters and not event.is_set(), "a sender to wait")
+        woken_in.clear()
+        before = raw.messages
+        add("here")
+        wait(lambda before=before: raw.messages > before, "the message to be heard")
+        assert woken_in and threading.current_thread() not in woken_in
 
 
 def test_servers_that_start_at_once_leave_no_function_of_a_library_changed():
