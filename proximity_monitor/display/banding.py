@@ -26,6 +26,9 @@ LONGEST_S = 5.0
 COLOURS = ((213, 94, 0), (230, 159, 0), (86, 180, 233), (150, 150, 155))
 """By band: below stop, below warn, above, not known. They differ in lightness as well as in hue."""
 
+_ALWAYS_SEEN = (bands.BELOW_STOP, bands.BELOW_WARN)
+"""Bands that are opaque even on a transparent part."""
+
 _WORDS = ("below stop", "below warn", "above", "not known yet")
 _SIGNS = (STOP_SIGN, WARN_SIGN, CLEAR_SIGN, STALE_SIGN)
 
@@ -174,7 +177,7 @@ class Banding:
         if again:
             self._again[job.name] = job.near, min(2.0 * job.budget_s, LONGEST_S)
         coats = [
-            Coat(corners[of == band].reshape(-1, 3) * scale, colour)
+            Coat(corners[of == band].reshape(-1, 3) * scale, colour, band in _ALWAYS_SEEN)
             for band, colour in enumerate(COLOURS)
         ]
         self._parts[job.name].coat(self._api, coats if len(corners) else ())

@@ -33,6 +33,9 @@ class Coat(NamedTuple):
     corners: np.ndarray
     """(3n, 3) in the part's own frame and the page's units."""
     colour: tuple[int, int, int]
+    opaque: bool = False
+    """Whether it stays opaque on a transparent part, so that the part's other sides do not hide it:
+    a browser draws nothing that is behind a transparent mesh, unless it has drawn it before."""
 
 
 class PartView:
@@ -81,10 +84,11 @@ class PartView:
         """Its own mesh; None until it is shown alone."""
         self.opacity = self.usual_opacity = float(part.colour[3])
         """Its present opacity, and its opacity if no look sets another."""
+        self.dimmed = False
         self._frame: viser.FrameHandle | None = None
         self._edges: viser.LineSegmentsHandle | None = None
         self._cut_away = self._reshaped = False
-        self._coated: list[viser.MeshHandle] = []
+        self._coated: list[tuple[Coat, viser.MeshHandle]] = []
         self._told: tuple = ()  # the arguments of the last `show`
         self._placed_at = b""  # the pose of its own nodes
         self._radius = radius
@@ -178,23 +182,25 @@ class PartView:
 
     def coat(self, api: viser.SceneApi, coats: Sequence[Coat]) -> None:
         """Show coloured triangles in place of the mesh; with no coats, show the mesh again."""
-        for node in self._coated:
+        for _, node in self._coated:
             node.remove()
         self.coats = coats
         self.shape += 1
         self._coated = [
-            self.coloured(api, f"{self.path}/coat_{i}", *coat)
+            (coat, self.coloured(api, f"{self.path}/coat_{i}", coat))
             for i, coat in enumerate(coats)
             if len(coat.corners)
         ]
         self._show_what_is_left()
 
-    def coloured(
-        self, api: viser.SceneApi, name: str, corners: np.ndarray, colour: tuple[int, int, int]
-    ) -> viser.MeshHandle:
-        """Add triangles, given by their corners (3n, 3), in another colour."""
-        triangles = np.arange(len(corners)).reshape(-1, 3)
-        return self._meshed(api, name, corners, triangles, self.opacity, colour)
+    def coloured(self, api: viser.SceneApi, name: str, coat: Coat) -> viser.MeshHandle:
+        """Add a coat's triangles."""
+        triangles = np.arange(len(coat.corners)).reshape(-1, 3)
+        opacity = self._opacity_of(coat)
+        return self._meshed(api, name, coat.corners, triangles, opacity, coat.colour)
+
+    def _opacity_of(self, coat: Coat) -> float:
+        return 1.0 if coat.opaque and not self.dimmed else self.opacity
 
     def cut_away(self, cut: bool) -> None:
         """Hide or show all of it; a section hides it and shows other nodes instead."""
@@ -207,7 +213,7 @@ class PartView:
             self.stand()
         if self.mesh is not None:
             self.mesh.visible = not hidden
-        for node in self._coated:
+        for _, node in self._coated:
             node.visible = not self._cut_away
 
     def _detailed(self, name: str) -> viser.BatchedMeshHandle:
@@ -268,7 +274,7 @@ class PartView:
         self.placed = pose is not None
         if pose is not None:
             self.pose = pose
-            self.opacity = seen(self.usual_opacity, look, dim)
+            self.opacity, self.dimmed = seen(self.usual_opacity, look, dim), dim
             self.edges_wanted = look.edges and not dim
             self.named = names and not dim
         if alone:
@@ -285,10 +291,11 @@ class PartView:
             self._frame.position = self.pose[:3] * scale
         if placed[_PLACE:] != before[_PLACE:]:
             self._frame.wxyz = self.pose[3:]
-        opacity = None if self.opacity >= 1.0 else self.opacity
-        for mesh in (self.mesh, *self._coated):
-            if mesh.opacity != opacity:
-                mesh.opacity = opacity
+        coated = [(mesh, self._opacity_of(coat)) for coat, mesh in self._coated]
+        for mesh, opacity in ((self.mesh, self.opacity), *coated):
+            told = None if opacity >= 1.0 else opacity
+            if mesh.opacity != told:
+                mesh.opacity = told
         if self._edges is not None:
             self._edges.visible = self.edges_wanted and self.mesh.visible
 

@@ -161,7 +161,7 @@ class Section:
     def _cut(self, i: int, view: PartView, spacing: float) -> None:
         plane = self.plane.seen_from(view.pose, self._parts.scale)
         wanted = (*plane.middle, *plane.normal, spacing, view.opacity, view.edges_wanted)
-        wanted = (np.round(wanted, 9).tobytes(), view.shape)
+        wanted = (np.round(wanted, 9).tobytes(), view.shape, view.dimmed)
         if self._made.get(view.name) == wanted:
             return
         self._clear(view)
@@ -193,11 +193,12 @@ class Section:
 
     def _coats(self, view: PartView, plane: Plane) -> Iterator[viser.SceneNodeHandle]:
         """Cut each of a part's coats, and yield the nodes that show the rest."""
-        for i, (corners, colour) in enumerate(view.coats):
-            vertices, triangles, _ = cut(corners, np.arange(len(corners)).reshape(-1, 3), plane)
+        for i, coat in enumerate(view.coats):
+            whole = np.arange(len(coat.corners)).reshape(-1, 3)
+            vertices, triangles, _ = cut(coat.corners, whole, plane)
             if len(triangles):
-                left = vertices[triangles].reshape(-1, 3)
-                yield view.coloured(self._api, f"{view.path}/cut_{i}", left, colour)
+                left = coat._replace(corners=vertices[triangles].reshape(-1, 3))
+                yield view.coloured(self._api, f"{view.path}/cut_{i}", left)
 
     def _clear_all(self) -> None:
         for name in list(self._made):  # also parts that are no longer shown

@@ -175,6 +175,7 @@ def test_bands_know_what_is_stale_or_of_one_pair_alone_and_the_limits_in_force(p
     counts, legend = banded(page, "b")
     assert counts[:2] == [0, 0] and counts[2] > 0 and counts[3] == 0
     assert "certain" in legend
+    assert [coat.opaque for coat in page.all._parts["b"].coats] == [True, True, False, False]
     page.tell(frame=frame(51.2, poses=(HERE, 9.0 * np.eye(7)[0] + HERE)))
     banded(page, "b")
     page.choice.at_s, banding = 1.2, page.all._inspect._banding

@@ -187,6 +187,19 @@ def test_a_part_that_rests_may_get_other_coats(server, few):
     assert server.scene._handle_from_node_name["/parts/2/coat_0"].color == (4, 5, 6)
 
 
+def test_an_opaque_coat_stays_opaque_on_a_transparent_part_unless_that_is_dimmed(server, few):
+    parts, frame = crowd(server)
+    node = server.scene._handle_from_node_name
+    choice = Choice(looks={"b2": Look(0.5)})
+    parts.show(frame, {}, choice, ())
+    parts["b2"].coat(
+        server.scene, [Coat(CORNERS, (1, 2, 3), opaque=True), Coat(CORNERS, (4, 5, 6))]
+    )
+    for lit, expected in (((), (None, 0.5)), (("b3",), (DIM, DIM)), ((), (None, 0.5))):
+        parts.show(frame, {}, choice, lit)
+        assert tuple(node[f"/parts/2/coat_{i}"].opacity for i in range(2)) == expected
+
+
 def test_what_all_of_a_shape_look_like_their_instances_look_like(server, few):
     parts, frame = crowd(server)
     looks = {f"b{i}": Look(0.4) for i in range(10)}
