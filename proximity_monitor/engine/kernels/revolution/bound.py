@@ -24,9 +24,8 @@ _SWEEPS = 2
 """Sweeps of coordinate descent: see `facing`."""
 
 
-_SHORTER, _NORMAL = 0.01, 0.9
-"""A chord is far shorter than another if its squared length is below _SHORTER times the other's. A
-direction is about normal to a chord if the sine of the angle between them is above _NORMAL."""
+_NORMAL = 0.9
+"""A direction is about normal to a chord if the sine of the angle between them is above this."""
 
 _WIDE, _FRONT = 3.0, 0.5
 """Half the angle from which on a sector counts as the full turn, and half the angle of the part
@@ -130,12 +129,12 @@ def facing(arc_a, arc_b, sector, half_angle, motion):
         return apart, (0.0, 0.0), (ex, ey), (s, t, q)
     # If the direction is tilted against a chord's normal, the bound is worse by the tilt times the
     # chord's length. So the direction is made normal to the chord that has its nearest point
-    # inside; if both have, to the one that is far longer.
+    # inside; if both have, to the longer one.
     n, m = r0 / apart, r1 / apart
     within_a, within_b = -1.0 < s < 1.0, -1.0 < t < 1.0
-    if within_a and (not within_b or uu < _SHORTER * aa):
+    if within_a and not (within_b and aa < uu):
         n, m = _normal_near(n, m, a0, a1, aa)
-    elif within_b and (not within_a or aa < _SHORTER * uu):
+    elif within_b:
         n, m = _normal_near(n, m, u0, u1, uu)
     return apart, (n, m), (ex, ey), (s, t, q)
 

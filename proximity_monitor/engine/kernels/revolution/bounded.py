@@ -12,7 +12,7 @@ from .arcs import fit_arc
 from .bound import begin_of, facing, spread_of
 from .build import NARROW, put_halves
 from .certificate import least_around
-from .coaxial import ALIKE, between_circles, facing_about_axis
+from .coaxial import ALIKE, between_circles, facing_about_axis, in_ball
 from .front import FRONT, keep_ring
 from .heap import add_ring
 from .minima import find_minimum, measure_rings
@@ -75,7 +75,8 @@ def gap_along(tree_a, tree_b, state, a, b, sector, motion, n, e, fine):
 @inlined
 def gap_of_circles(progress, arc_a, arc_b, motion):
     """Return the gap of a pair by the circles of its arcs, lowered by the slacks; or -infinity."""
-    return between_circles(arc_a, arc_b, motion) - progress.slack - progress.bound_slack
+    gap = max(between_circles(arc_a, arc_b, motion), in_ball(arc_a, arc_b, motion))
+    return gap - progress.slack - progress.bound_slack
 
 
 @kernel

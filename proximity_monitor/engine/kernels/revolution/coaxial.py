@@ -232,6 +232,49 @@ def _between_circles(arc_a, arc_b, motion):
 
 
 @inlined
+def in_ball(arc_a, arc_b, motion):
+    """Return a bound of two arcs' distance if one of them is of a ball around the other; else < 0.
+
+    A point p in a ball of radius R around c is R - |p - c| from the ball's surface, however the
+    ball is turned.
+    """
+    found = -np.inf
+    if abs(arc_b.sine) > _ROUND and _is_ball(arc_b):
+        x, z, radius = _circle(arc_b)
+        px, py, pz = to_a(motion, 0.0, 0.0, z)
+        px, py, pz = px + motion[9], py + motion[10], pz + motion[11]
+        far = _farthest(arc_a, np.sqrt(px * px + py * py), pz)
+        found = radius - abs(x) - arc_b.error - far
+    if abs(arc_a.sine) > _ROUND and _is_ball(arc_a):
+        x, z, radius = _circle(arc_a)
+        px, py, pz = -motion[9], -motion[10], z - motion[11]
+        bx = motion[0] * px + motion[3] * py + motion[6] * pz
+        by = motion[1] * px + motion[4] * py + motion[7] * pz
+        bz = motion[2] * px + motion[5] * py + motion[8] * pz
+        far = _farthest(arc_b, np.sqrt(bx * bx + by * by), bz)
+        found = max(found, radius - abs(x) - arc_a.error - far)
+    return found
+
+
+@inlined
+def _farthest(arc, rho, z):
+    """Return how far the points that an arc sweeps are from a point of a plane, at most, metres.
+
+    The farthest point of the sweep is across the axis. Along the chord the distance is convex; on a
+    circle it is at most the distance of the centre and the radius.
+    """
+    x, y = arc.middle[0] + rho, arc.middle[1] - z
+    low = np.sqrt((x - arc.half[0]) ** 2 + (y - arc.half[1]) ** 2)
+    high = np.sqrt((x + arc.half[0]) ** 2 + (y + arc.half[1]) ** 2)
+    far = max(low, high) + bulge(arc)
+    if abs(arc.sine) > _ROUND:
+        x, y, radius = _circle(arc)
+        x, y = x + rho, y - z
+        far = min(far, np.sqrt(x * x + y * y) + radius)
+    return far + arc.error
+
+
+@inlined
 def _circle(arc):
     """Return the centre of a round arc, rho and z, and its radius; metres."""
     half = np.sqrt(arc.half[0] * arc.half[0] + arc.half[1] * arc.half[1])
