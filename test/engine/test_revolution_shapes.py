@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from engine_bodies import IDENTITY, translation
 from scipy.interpolate import BSpline
+from scipy.spatial.transform import Rotation
 
 from proximity_monitor import engine
 from proximity_monitor.engine import Curve, ModelError, SolidOfRevolution
@@ -157,6 +158,59 @@ def test_cones_at_small_angles_about_nearly_one_axis(one, other, off, up):
         assert found.upper - found.lower <= 1e-10
         assert found.lower <= apart + off and found.upper >= apart - off
         assert found.bound_tests < 5000
+
+
+def turned_by(angle, axis):
+    """Return the pose of a turn about the x, y or z axis."""
+    made = np.eye(4)
+    made[:3, :3] = Rotation.from_euler(axis, angle).as_matrix()
+    return made
+
+
+@pytest.mark.parametrize("gap", [1e-9, 1e-7, 1e-5])
+@pytest.mark.parametrize("roll", [1e-9, 0.3])
+@pytest.mark.parametrize("lying", [True, False], ids=["on its side", "upright beside a side"])
+def test_a_cylinder_rolled_about_its_own_axis_next_to_a_flat_face(lying, roll, gap):
+    """The nearest points are a line, and the azimuth between two of them has half the digits."""
+    flat, side = cylinder(3.0, 1.0), cylinder(0.5, 2.0)
+    lies = turned_by(math.pi / 2.0, "y")
+    at = translation(0.0, 0.0, 1.5 + gap) @ lies
+    if not lying:
+        flat, side = side, cylinder(0.4, 1.0)
+        at = translation(0.5 + gap, 0.0, 0.7) @ lies
+    a, b = (flat, turned_by(roll, "z")), (side, at @ turned_by(1.7 * roll, "z"))
+    for models in ((*a, *b), (*b, *a)):
+        found = engine.distance(*models)
+        assert found.lower <= gap <= found.upper + 1e-15
+        assert found.upper - found.lower <= 1e-11
+        assert found.bound_tests < 1000
+
+
+def ball(radius):
+    return SolidOfRevolution(
+        [Curve([(0, -radius), (radius, -radius), (radius, 0)], weights=[1, HALF, 1]),
+         Curve([(radius, 0), (radius, radius), (0, radius)], weights=[1, HALF, 1])]
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("inner", "least"),
+    [
+        (lambda: cylinder(0.3, 0.4), 1.0 - math.hypot(0.3, 0.5)),
+        (lambda: turned((0, 0), (0.5, 0), (0, 0.7)), 1.0 - 0.8),
+        (lambda: torus(0.5, 0.1), 1.0 - math.hypot(0.5, 0.1) - 0.1),
+    ],
+    ids=["cylinder", "cone", "torus"],
+)
+def test_a_solid_in_a_ball_that_is_turned(inner, least):
+    """The nearest points are a circle about the inner solid's axis, not about the ball's."""
+    at = turned_by(0.5, "x") @ turned_by(0.7, "z")
+    inside, around = (inner(), translation(0.0, 0.0, 0.1)), (ball(1.0), at)
+    for models in ((*inside, *around), (*around, *inside)):
+        found = engine.distance(*models)
+        assert found.lower <= least + 1e-15 and found.upper >= least - 1e-15
+        assert found.upper - found.lower <= 1e-11
+        assert found.bound_tests < 1000
 
 
 GOOD = np.array([[0.0, 0], [1, 0], [1.5, 0.5], [1, 1], [0, 1]])

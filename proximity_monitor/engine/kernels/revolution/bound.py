@@ -139,6 +139,29 @@ def facing(arc_a, arc_b, sector, half_angle, motion):
     return apart, (n, m), (ex, ey), (s, t, q)
 
 
+@kernel
+def normal_of_b(arc_b, sector, half_angle, q, motion, normal, azimuth):
+    """Return the normal and the azimuth of b's surface in the middle of b's chord.
+
+    Where b is flat, the azimuth between nearest points is known to half the digits only, but this
+    one is exact. `q` is the place in the sector that `facing` returns; the direction with the
+    normal and the azimuth given has to be about the same.
+    """
+    turn = q * min(half_angle, 1.0)
+    c, s = math.cos(turn), math.sin(turn)
+    c, s = sector[0] * c - sector[1] * s, sector[1] * c + sector[0] * s
+    x, y, z = to_a(motion, -arc_b.half[1] * c, -arc_b.half[1] * s, arc_b.half[0])
+    n, (ex, ey) = normal[0], azimuth
+    length = np.sqrt(x * x + y * y + z * z)
+    across = np.sqrt(x * x + y * y)
+    if not across > 0.0:
+        return normal, azimuth
+    if n * (x * ex + y * ey) + normal[1] * z < 0.0:
+        length = -length
+    sign = 1.0 if n * length > 0.0 else -1.0
+    return (sign * across / length, z / length), (sign * x / across, sign * y / across)
+
+
 @inlined
 def _normal_near(n, m, x, z, squared):
     """Return a chord's unit normal if a direction is about normal to it; else the direction."""

@@ -9,7 +9,7 @@ import numpy as np
 from ..base.jit import inlined, kernel
 from ..base.trees import NONE
 from .arcs import fit_arc
-from .bound import begin_of, facing, spread_of
+from .bound import begin_of, facing, normal_of_b, spread_of
 from .build import NARROW, put_halves
 from .certificate import least_around
 from .coaxial import ALIKE, between_circles, facing_about_axis, in_ball
@@ -124,6 +124,11 @@ def bound_rings(tree_a, tree_b, state, motion, a, b, angle, half, sector, bound)
             least = gap_along(tree_a, tree_b, state, a, b, sector, motion, there, e, fine)
             if least > bound:
                 bound, n = least, there
+        elif bound < progress.limit and -1.0 < at[1] < 1.0:
+            there, beside = normal_of_b(arc_b, sector, half, at[2], motion, n, e)
+            least = gap_along(tree_a, tree_b, state, a, b, sector, motion, there, beside, fine)
+            if least > bound:
+                bound, n, e = least, there, beside
         if bound >= progress.limit:
             keep_ring(state, a, b, angle, half, sector, n, e)
             return 1
