@@ -10,7 +10,7 @@ STYLE = (
 .pm { font: 13px/1.45 system-ui, sans-serif; color: inherit; margin: 0 10px 8px;
       font-variant-numeric: tabular-nums; overflow-wrap: anywhere; }
 .pm-line { display: flex; align-items: center; gap: 8px; }
-div:has(> #pm-connection) { position: sticky; top: 0; z-index: 5; padding: 4px 0;
+div:has(> #pm-connection) { position: sticky; top: 0; z-index: 5;
                             background: var(--mantine-color-body); }
 /* In a box with hidden overflow it would not stick. */
 .mantine-ScrollArea-content [style*=overflow]:has(#pm-connection) { overflow: clip !important; }
@@ -19,9 +19,9 @@ div:has(> #pm-connection) { position: sticky; top: 0; z-index: 5; padding: 4px 0
 .pm-small { font-size: 11.5px; }
 .pm-pill { border-radius: 10px; padding: 1px 9px; font-weight: 600; color: #fff;
            white-space: nowrap; }
-.pm-banner { border-radius: 6px; padding: 6px 10px; border: 2px solid; background: #fff;
-             color: #222; display: grid; grid: 1.45em 1.45em / auto minmax(0, 1fr) auto;
-             column-gap: 8px; }
+.pm-banner { border-radius: 6px; padding: 1px 10px; border: 2px solid; background: #fff;
+             color: #222; line-height: 1.35; display: grid;
+             grid: 1.35em 1.35em / auto minmax(0, 1fr) auto; column-gap: 8px; }
 .pm-banner > * { grid-row: 1; }
 .pm-banner .pm-both { grid-row: 1 / 3; overflow: hidden; }
 .pm-banner .pm-figures { grid-area: 2 / 1 / 3 / 4; display: flex; gap: 4px; min-width: 0; }
