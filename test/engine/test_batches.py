@@ -295,7 +295,7 @@ def test_a_bad_pose_is_named(signed, letter):
 
 
 def test_signed_distances_are_searched_in_one_order():
-    with pytest.raises(ValueError, match="order = 'priority': must be .* signed distances"):
+    with pytest.raises(ValueError, match=r"order = 'priority': must be .* signed distances"):
         engine.distances(box(), [IDENTITY], box(), [IDENTITY], signed=True, order="priority")
 
 
