@@ -270,5 +270,12 @@ def test_cylinders_cones_and_tori_from_dimensions():
     for how in ({"volume": "pss"}, {"solid": "robust"}):
         with pytest.raises(ModelError, match="are only for meshes"):
             shapes.cylinder(1.0, 1.0, **how)
-    with pytest.raises(ModelError, match="crosses the axis"):
-        shapes.torus(1.0, 1.5)
+    for make, message in (
+        (lambda: shapes.torus(1.0, 1.5), r"small = 1\.5: must be at most large = 1\.0 m"),
+        (lambda: shapes.torus(1.0, 0.0), "small = 0.0: must be above 0"),
+        (lambda: shapes.cylinder(0.0, 1.0), "cylinder: radius = 0.0: must be above 0"),
+        (lambda: shapes.cylinder(1.0, 0.0), "cylinder: height = 0.0: must be above 0"),
+        (lambda: shapes.cone(0.0, 0.0, 1.0), "cone: low and high are 0"),
+    ):
+        with pytest.raises(ModelError, match=message):
+            make()

@@ -160,7 +160,7 @@ def cylinder(
         ValueError: `segments` is less than 1.
     """
     if segments is None:
-        return cone(radius, radius, height, name=name, **how)
+        return cone(_above_zero(radius, name, "radius"), radius, height, name=name, **how)
     if as_count(segments, "segments") < 3:
         raise ModelError(f"{name}: segments = {segments}: a prism has at least 3 sides")
     radius = checked_length(radius, name, "radius")
@@ -235,11 +235,13 @@ def cone(
         how: see `How`; it takes no `volume` and no solid='robust'.
 
     Raises:
-        ModelError: a length is no number from 0 to 1e45; `how` asks for a `volume` or
-            solid='robust'; else as for `SolidOfRevolution`.
+        ModelError: a length is no number from 0 to 1e45; the height or both radii are 0; `how` asks
+            for a `volume` or solid='robust'; else as for `SolidOfRevolution`.
     """
     low, high = checked_length(low, name, "low"), checked_length(high, name, "high")
-    end = 0.5 * checked_length(height, name, "height")
+    if not max(low, high) > 0.0:
+        raise ModelError(f"{name}: low and high are 0: one radius must be above 0")
+    end = 0.5 * _above_zero(height, name, "height")
     corners = [(0.0, -end), (low, -end), (high, end), (0.0, end)]
     proper = [pair for pair in pairwise(corners) if pair[0] != pair[1]]
     return _revolved([Curve(pair) for pair in proper], name, how)
@@ -255,14 +257,23 @@ def torus(large: float, small: float, *, name: str = "torus", **how: Unpack[How]
         how: see `How`; it takes no `volume` and no solid='robust'.
 
     Raises:
-        ModelError: a length is no number from 0 to 1e45; `how` asks for a `volume` or
-            solid='robust'; else as for `SolidOfRevolution`.
+        ModelError: a length is no number from 0 to 1e45; `small` is 0 or above `large`; `how` asks
+            for a `volume` or solid='robust'; else as for `SolidOfRevolution`.
     """
-    large, small = checked_length(large, name, "large"), checked_length(small, name, "small")
+    large, small = checked_length(large, name, "large"), _above_zero(small, name, "small")
+    if small > large:
+        raise ModelError(f"{name}: small = {small!r}: must be at most large = {large!r} m")
     rim = [(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1), (1, 0)]
     points = [(large + small * x, small * z) for x, z in rim]
     knots = [0, 0, 0, 1, 1, 2, 2, 3, 3, 4, 4, 4]
     return _revolved([Curve(points, knots, [1.0, math.sqrt(0.5)] * 4 + [1.0])], name, how)
+
+
+def _above_zero(value: float, name: str, what: str) -> float:
+    """Return a length in metres as a float; raises ModelError unless it is above 0."""
+    if not (length := checked_length(value, name, what)) > 0.0:
+        raise ModelError(f"{name}: {what} = {value!r}: must be above 0")
+    return length
 
 
 def _revolved(curves: Sequence[Curve], name: str, how: How) -> Model:
