@@ -326,7 +326,7 @@ def test_an_event_is_listed_and_a_press_goes_to_its_moment(put, page, wait, even
 
     eventually(there)
     told = page.locator("#pm-event")
-    wait(lambda: "between 0.004 mm and 0.004 mm" in told.inner_text(), "its bounds")
+    wait(lambda: "STOP, 0.004 mm" in told.inner_text(), "its bounds")
     pixels = peg.picture_of_event(page, wait)
     assert len(np.unique(pixels.reshape(-1, 3), axis=0)) > 50
     tab(page, "Session")
