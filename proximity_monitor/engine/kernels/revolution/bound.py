@@ -17,7 +17,7 @@ import numpy as np
 from ..base.jit import inlined, kernel
 from ..base.trees import NONE
 from .coaxial import ALIKE, begin_about_axis, sags_about_axis
-from .newton import to_a
+from .newton import to_a, to_b
 from .reach import bulge, coarse_in, reach_in
 
 _SWEEPS = 2
@@ -33,16 +33,6 @@ that is then split from it, radians."""
 
 _PIECES = 1e-3
 """What counts as the sag of an arc around several pieces, as a share of half its chord."""
-
-
-@inlined
-def to_b(motion, v):
-    """Turn a vector of a's frame into b's."""
-    return (
-        motion[0] * v[0] + motion[3] * v[1] + motion[6] * v[2],
-        motion[1] * v[0] + motion[4] * v[1] + motion[7] * v[2],
-        motion[2] * v[0] + motion[5] * v[1] + motion[8] * v[2],
-    )
 
 
 @kernel

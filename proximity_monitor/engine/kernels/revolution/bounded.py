@@ -120,7 +120,7 @@ def bound_rings(tree_a, tree_b, state, motion, a, b, angle, half, sector, bound)
         if bound < progress.limit:
             bound = max(bound, gap_of_circles(progress, arc_a, arc_b, motion))
         if bound < progress.limit and abs(motion[8]) > ALIKE:
-            _, there = facing_about_axis(arc_a, arc_b, sector, motion)
+            there = facing_about_axis(arc_a, arc_b, sector, motion)
             least = gap_along(tree_a, tree_b, state, a, b, sector, motion, there, e, fine)
             if least > bound:
                 bound, n = least, there

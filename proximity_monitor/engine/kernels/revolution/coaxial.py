@@ -17,7 +17,7 @@ import numpy as np
 from ..base.jit import inlined, kernel
 from ..base.memory import table_on_stack
 from ..base.trees import NONE
-from .newton import to_a
+from .newton import to_a, to_b
 from .reach import arc_at, bulge, most_in, reach_of
 
 ALIKE = 0.98
@@ -154,14 +154,15 @@ def begin_about_axis(tree_b, own_b, b, fine, sector, motion, n, m, wanted):
 
 @kernel
 def facing_about_axis(arc_a, arc_b, sector, motion):
-    """Estimate where a's chord and b's chord in the middle of a sector are nearest, in a's plane.
+    """Estimate the direction between the nearest points of two chords, b's in a sector's middle.
 
     `facing` takes the width of the sector into account, but may stop far from the nearest points if
     the chords are at a small angle. About one axis the width does not matter.
 
     Returns:
-        The distance, metres, and the unit vector from a's nearest point to b's. If one of these is
-        inside its chord, the vector is that chord's normal, which rounding does not tilt.
+        A unit vector of a's plane, from a's nearest point to b's; zero if all ends are common. If
+        one of the points is inside its chord, the vector is that chord's normal, which rounding
+        does not tilt.
     """
     ends = table_on_stack(4, 2, 0.0)
     for k in range(2):
@@ -188,7 +189,7 @@ def facing_about_axis(arc_a, arc_b, sector, motion):
             length = np.sqrt(squared) if hx * z > hz * x else -np.sqrt(squared)
             x, z = -hz, hx
         n, m = sign * x / length, sign * z / length
-    return least, (n, m)
+    return n, m
 
 
 @inlined
@@ -247,11 +248,8 @@ def in_ball(arc_a, arc_b, motion):
         found = radius - abs(x) - arc_b.error - far
     if abs(arc_a.sine) > _ROUND and _is_ball(arc_a):
         x, z, radius = _circle(arc_a)
-        px, py, pz = -motion[9], -motion[10], z - motion[11]
-        bx = motion[0] * px + motion[3] * py + motion[6] * pz
-        by = motion[1] * px + motion[4] * py + motion[7] * pz
-        bz = motion[2] * px + motion[5] * py + motion[8] * pz
-        far = _farthest(arc_b, np.sqrt(bx * bx + by * by), bz)
+        px, py, pz = to_b(motion, (-motion[9], -motion[10], z - motion[11]))
+        far = _farthest(arc_b, np.sqrt(px * px + py * py), pz)
         found = max(found, radius - abs(x) - arc_a.error - far)
     return found
 

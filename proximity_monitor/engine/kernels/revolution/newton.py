@@ -44,6 +44,16 @@ def to_a(motion, x, y, z):
     )
 
 
+@inlined
+def to_b(motion, v):
+    """Turn a vector of a's frame into b's."""
+    return (
+        motion[0] * v[0] + motion[3] * v[1] + motion[6] * v[2],
+        motion[1] * v[0] + motion[4] * v[1] + motion[7] * v[2],
+        motion[2] * v[0] + motion[5] * v[1] + motion[8] * v[2],
+    )
+
+
 @kernel
 def derivatives_at(curve_a, curve_b, motion, s, t, angle):
     """Return the vector d in a's plane from a's point to b's, and derivatives of its rho and z.
