@@ -236,7 +236,7 @@ LINE = Curve([[0, 0], [1, 0]])
         ([Curve([[0, 0], [0, 1]])], "no area"),
         (
             [Curve([[0, 0], [1, 1]]), Curve([[1, 1], [1, 0]]), Curve([[1, 0], [0, 1]])],
-            r"curves\[0\] and curves\[2\] cross near",
+            r"curves\[0\] at t = 0.5 and curves\[2\] at t = 0.5 cross near \[0.5, 0.5\] m",
         ),
     ],
 )

@@ -22,6 +22,7 @@ from .bezier import bernstein
 from .checks import ModelError
 from .nurbs import HIGHEST_DEGREE, Net, frozen
 from .orientation import balanced, runs_leftward
+from .passing import passes
 
 Reals = NDArray[np.float64]
 
@@ -56,14 +57,24 @@ def profile_of(nets: Sequence[Net], name: str) -> Profile:
     Raises:
         ModelError: as for `checked_profile`.
     """
+    kept, numbers = without_axis(nets, name)
+    return checked_profile(kept, name, numbers)
+
+
+def without_axis(nets: Sequence[Net], name: str) -> tuple[Sequence[Net], Sequence[int]]:
+    """Return the curves of a profile without their parts along the axis, and their numbers.
+
+    Raises:
+        ModelError: there are such parts, and the curves do not form a chain.
+    """
     pieces = _pieces_of(nets)
     near = JOINED * _size_of(nets)
     if not any(lies_along(own, near).any() for own in pieces):
-        return checked_profile(nets, name)
+        return nets, range(len(nets))
     # The parts that are left out must fit in, too.
     _check_curves(nets, pieces, near, range(len(nets)), name)
     numbers, kept = zip(*off_axis(nets, pieces, near), strict=True)
-    return checked_profile(kept, name, numbers)
+    return kept, numbers
 
 
 def checked_profile(
@@ -85,17 +96,21 @@ def checked_profile(
     size, pieces = _size_of(nets), _pieces_of(nets)
     near = JOINED * size
     all_of = _check_curves(nets, pieces, near, numbers, name)
-    closed = _is_loop(pieces, near, name)
-    _check_simple(all_of, size, numbers, name)
+    closed = _is_loop(nets, pieces, near, numbers, name)
+    _check_simple(nets, all_of, size, numbers, name)
     area = sum(_area(balanced(own), pieces[0][0, 0], closed) for own in pieces)
     wide, high, _ = np.ptp(np.concatenate([net.points for net in nets]), axis=0)
     if not abs(area) > JOINED * wide * high + _AREA_ROUNDING * size * (wide + high):
-        raise ModelError(f"{name}: curves: they enclose no area, so there is no solid")
+        raise ModelError(
+            f"{name}: curves: they enclose no area, so there is no solid: they span {wide:.3g} m "
+            f"in rho and {high:.3g} m in z; move control points until they run around an area"
+        )
     _check_along_axis(nets, pieces, near, numbers, name)
     leftward = runs_leftward(pieces, size, not closed)
     if leftward is None:
         raise ModelError(
-            f"{name}: curves: cannot tell on which side of them the solid is; is it a sliver?"
+            f"{name}: curves: cannot tell on which side of them the solid is; is it a sliver? Make "
+            "it wider"
         )
     return Profile(tuple(nets), closed, size, leftward, pieces)
 
@@ -136,7 +151,11 @@ def _check_curves(
     """Return all pieces; refuse curves that leave the half-plane or do not join end to begin."""
     for k, net in zip(numbers, nets, strict=True):
         if net.control[..., 2].any():
-            raise ModelError(f"{name}: curves[{k}]: not in the plane; give (rho, z) or (rho, z, 0)")
+            i = int(np.flatnonzero(net.points[:, 2])[0])
+            raise ModelError(
+                f"{name}: curves[{k}]: control[{i}] = {net.points[i].tolist()}: not in the plane; "
+                "give (rho, z) or (rho, z, 0)"
+            )
     all_of = _together(pieces)
     _check_axis(nets, all_of, near, numbers, name)
     _check_ends(nets, pieces, near, numbers, name)
@@ -151,14 +170,25 @@ def _check_axis(
         return
     i, share, rho = farthest_beyond(all_of.nets, all_of.degrees, near)
     if i >= 0:
-        k = int(all_of.curves[i])
-        along, _ = nets[k].spans
-        own = i - int(np.searchsorted(all_of.curves, k))
-        t = (1.0 - share) * along.low[own] + share * along.high[own]
+        k, t = _parameter(nets, all_of, i, share)
+        z = float(nets[k].derivatives(np.array([t]), np.zeros(1), 0)[0, 0, 0, 1])
         raise ModelError(
-            f"{name}: curves[{numbers[k]}]: crosses the axis: rho = {rho:.6g} m at t = {t:.6g}; "
-            "a profile must stay where rho >= 0"
+            f"{name}: curves[{numbers[k]}]: crosses the axis: rho = {rho:.6g} m at t = {t:.6g}, "
+            f"z = {z:.6g} m; move its control points so that it stays where rho >= 0"
         )
+
+
+def _parameter(nets: Sequence[Net], all_of: _Pieces, i: int, share: float) -> tuple[int, float]:
+    """Return the curve that a piece is part of, and its parameter at a share of the piece."""
+    k = int(all_of.curves[i])
+    along, _ = nets[k].spans
+    own = i - int(np.searchsorted(all_of.curves, k))
+    return k, float((1.0 - share) * along.low[own] + share * along.high[own])
+
+
+def _said(place: Reals) -> str:
+    """Return rho and z as text."""
+    return f"[{place[0]:.6g}, {place[1]:.6g}] m"
 
 
 def _check_along_axis(
@@ -169,11 +199,12 @@ def _check_along_axis(
         along = lies_along(own, near) & (np.ptp(own[..., 1] / own[..., 2], axis=1) > near)
         if along.any():
             i = int(along.argmax())
-            spans = nets[k].spans[0]
+            spans, z = nets[k].spans[0], own[i, [0, -1], 1] / own[i, [0, -1], 2]
             raise ModelError(
                 f"{name}: curves[{numbers[k]}]: runs along the axis from t = {spans.low[i]:.6g} to "
-                f"{spans.high[i]:.6g}, inside the solid; leave that part out: a profile may begin "
-                "and end on the axis, and the solids on both sides of that part make a compound"
+                f"{spans.high[i]:.6g} (z = {z[0]:.6g} to {z[1]:.6g} m), inside the solid; leave "
+                "that part out: a profile may begin and end on the axis, and the solids on both "
+                "sides of that part make a compound"
             )
 
 
@@ -190,18 +221,27 @@ def _check_ends(
             t = nets[k].spans[0].low[i + 1]
             raise ModelError(
                 f"{name}: curves[{numbers[k]}]: is discontinuous at t = {t:.6g}: it jumps by "
-                f"{gaps[i]:.3g} m from {ends[i].tolist()}"
+                f"{gaps[i]:.3g} m from {_said(ends[i])} to {_said(begins[i])}; let the control "
+                f"points coincide there, or repeat this knot {own.shape[1] - 1} times at most"
             )
     ends = _ends_of(pieces)
     for i in range(1, len(ends)):
-        gap = float(np.linalg.norm(ends[i][0] - ends[i - 1][1]))
+        (begin, far), (_, end) = ends[i], ends[i - 1]
+        gap = float(np.linalg.norm(begin - end))
         if gap > near:
-            turned = float(np.linalg.norm(ends[i][1] - ends[i - 1][1])) <= near
-            hint = f"; reverse curves[{numbers[i]}]" if turned else ""
+            turned = float(np.linalg.norm(far - end)) <= near
+            hint = f"reverse curves[{numbers[i]}]" if turned else "let it begin there"
+            (t, _), (_, s) = _domain(nets[i]), _domain(nets[i - 1])
             raise ModelError(
-                f"{name}: curves[{numbers[i]}] begins at {ends[i][0].tolist()}, {gap:.3g} m from "
-                f"{ends[i - 1][1].tolist()}, where the curve before it ends{hint}"
+                f"{name}: curves[{numbers[i]}] begins at {_said(begin)} (t = {t:.6g}), {gap:.3g} m "
+                f"from {_said(end)}, where curves[{numbers[i - 1]}] ends (t = {s:.6g}); {hint}"
             )
+
+
+def _domain(net: Net) -> tuple[float, float]:
+    """Return the lowest and the highest parameter of a curve."""
+    along, _ = net.spans
+    return float(along.low[0]), float(along.high[-1])
 
 
 def _ends_of(pieces: Sequence[Reals]) -> list[tuple[Reals, Reals]]:
@@ -209,7 +249,9 @@ def _ends_of(pieces: Sequence[Reals]) -> list[tuple[Reals, Reals]]:
     return [(own[0, 0, :2] / own[0, 0, 2], own[-1, -1, :2] / own[-1, -1, 2]) for own in pieces]
 
 
-def _is_loop(pieces: Sequence[Reals], near: float, name: str) -> bool:
+def _is_loop(
+    nets: Sequence[Net], pieces: Sequence[Reals], near: float, numbers: Sequence[int], name: str
+) -> bool:
     """Tell whether the curves are a loop, or run from axis to axis; refuse other open ends."""
     ends = _ends_of(pieces)
     first, last = ends[0][0], ends[-1][1]
@@ -217,13 +259,16 @@ def _is_loop(pieces: Sequence[Reals], near: float, name: str) -> bool:
         return False
     if np.linalg.norm(first - last) <= near:
         return True
-    for where, end in (("begins", first), ("ends", last)):
-        if end[0] > near:
-            raise ModelError(
-                f"{name}: curves: the profile {where} at {end.tolist()}, {end[0]:.6g} m off the "
-                "axis; it must run from the axis to the axis, or form a closed loop"
-            )
-    raise AssertionError("one of the ends is off the axis")
+    whole = []
+    for what, k, end in (("begins", 0, first), ("ends", -1, last)):
+        off = "on the axis" if end[0] <= near else f"{end[0]:.6g} m off the axis"
+        t = _domain(nets[k])[k]
+        whole.append(f"{what} at {_said(end)} (curves[{numbers[k]}], t = {t:.6g}), {off}")
+    gap = np.linalg.norm(last - first)
+    raise ModelError(
+        f"{name}: curves: the profile is open: it {' and '.join(whole)}; its ends are {gap:.6g} m "
+        "apart. Move both ends to the axis, or both to one place"
+    )
 
 
 def _points(pieces: Reals, count: int) -> Reals:
@@ -239,15 +284,22 @@ def _shares(degree: int, count: int) -> Reals:
     return frozen(bernstein(degree, s, 1.0 - s))
 
 
-def _check_simple(all_of: _Pieces, size: float, numbers: Sequence[int], name: str) -> None:
+def _check_simple(
+    nets: Sequence[Net], all_of: _Pieces, size: float, numbers: Sequence[int], name: str
+) -> None:
     """Refuse a profile that crosses itself."""
-    curves = [numbers[k] for k in all_of.curves]
     i, j, rho, z = first_crossing(all_of.nets, all_of.degrees, size)
-    if i >= 0:
-        raise ModelError(
-            f"{name}: curves[{curves[i]}] and curves[{curves[j]}] cross near [{rho:.6g}, {z:.6g}]; "
-            "a profile must not cross itself"
-        )
+    if i < 0:
+        return
+    place = np.array([rho, z])
+    one, other = (all_of.nets[k][: all_of.degrees[k] + 1] for k in (i, j))
+    shares = passes(one, place, 2) if i == j else passes(one, place, 1) + passes(other, place, 1)
+    places = (_parameter(nets, all_of, *each) for each in zip((i, j), shares, strict=True))
+    both = " and ".join(f"curves[{numbers[k]}] at t = {t:.6g}" for k, t in places)
+    raise ModelError(
+        f"{name}: {both} cross near {_said(place)}; a profile must not cross itself: move control "
+        "points until they stay apart"
+    )
 
 
 def _area(pieces: Reals, first: Reals, closed: bool) -> float:
