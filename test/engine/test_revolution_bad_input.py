@@ -9,6 +9,7 @@ import pytest
 
 from proximity_monitor import engine
 from proximity_monitor.engine import Curve, ModelError, SolidOfRevolution
+from proximity_monitor.engine.models.orientation import area_leftward, runs_leftward
 from proximity_monitor.engine.models.profile import checked_profile
 
 LINE = Curve([[0, 0], [1, 0]])
@@ -379,6 +380,26 @@ def test_the_side_of_random_stars_with_random_weights():
             for low, high in itertools.pairwise(starts)
         ]
         assert checked_profile(nets, "star").leftward is (i % 3 != 0)
+
+
+def test_the_area_of_curves_that_are_not_rational():
+    """It is that of a fine polygon, and tells the side as the proof for all curves does."""
+    random = np.random.default_rng(9)
+    for degree in (1, 2, 3, 5, 15):
+        angles = np.linspace(0.0, 2.0 * np.pi, 3 * degree + 1)
+        points = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+        points *= random.uniform(0.9, 1.0, (len(angles), 1))
+        points[-1] = points[0]
+        if degree % 2:
+            points = points[::-1]
+        points = points + np.array([2.0, 0.0])
+        curves = [Curve(points[k * degree : (k + 1) * degree + 1]) for k in range(3)]
+        profile = checked_profile([curve.nets[0] for curve in curves], "star")
+        x, y = sampled(curves, 5000).T
+        polygon = 0.5 * (x[:-1] * y[1:] - x[1:] * y[:-1]).sum()
+        assert area_leftward(profile.pieces) == pytest.approx(polygon, rel=1e-6)
+        assert profile.leftward is runs_leftward(profile.pieces, profile.size, False)
+        assert profile.leftward is (degree % 2 == 0)
 
 
 @pytest.mark.parametrize("length", [1e-300, 1e-160, 1.0, 1e30])

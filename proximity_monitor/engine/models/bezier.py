@@ -105,10 +105,13 @@ def _combined(points: NDArray[np.float64], along: Spans) -> NDArray[np.float64]:
         index = along.first[:, None] + np.arange(along.degree + 1)
         return points[index]
     shape = (*along.coefficients.shape[:2], *(1,) * (points.ndim - 1))
-    total = np.zeros(1)
-    for i in range(along.degree + 1):
+    total = along.coefficients[:, :, 0].reshape(shape) * points[along.first][:, None]
+    term = np.empty_like(total)  # one for all terms: new ones of this size would take longer
+    for i in range(1, along.degree + 1):
         share = along.coefficients[:, :, i].reshape(shape)
-        total = total + share * points[along.first + i][:, None]
+        np.multiply(share, points[along.first + i][:, None], out=term)
+        total += term
+    total += 0.0  # makes every zero +0, which side of a joint it is on
     return total
 
 

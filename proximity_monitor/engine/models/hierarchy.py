@@ -79,11 +79,11 @@ class Hierarchy(ABC):
         return type(self.tree)
 
     @classmethod
-    def _made(cls, kept: dict[str, Any]) -> Self:
-        """Return a hierarchy made from the KEPT attributes."""
+    def _made(cls, kept: dict[str, Any], corners: NDArray[np.float64] | None = None) -> Self:
+        """Return a hierarchy made from the KEPT attributes, and from `_corners` if known."""
         made = cls.__new__(cls)
         made._take(kept)
-        made._measure()
+        made._measure(made._corners() if corners is None else corners)
         return made
 
     def _kept(self) -> dict[str, Any]:
@@ -119,13 +119,13 @@ class Hierarchy(ABC):
     def _corners(self) -> NDArray[np.float64]:
         """Return points (k, 9), three per row, metres, whose convex hull holds every element."""
 
-    def _measure(self, error: float = 0.0) -> None:
+    def _measure(self, corners: NDArray[np.float64], error: float = 0.0) -> None:
         """Find the sphere: the centre of the bounding box and the largest distance, rounded up.
 
-        The points may be wrong by `error` metres.
+        The `corners`, as of `_corners`, may be wrong by `error` metres.
         """
         centre = np.empty(3)
-        radius, _, _ = measure(self._corners(), centre)
+        radius, _, _ = measure(corners, centre)
         centre.setflags(write=False)
         self.centre = centre
         rounding = 8.0 * DOUBLE_EPS * (radius + float(np.abs(centre).sum()))
@@ -209,7 +209,7 @@ class Hierarchy(ABC):
         for array in self._frozen(state):
             array.setflags(write=False)
         self._take(state)
-        self._measure()
+        self._measure(self._corners())
 
     @staticmethod
     def _frozen(state: dict[str, Any]) -> tuple[NDArray, ...]:

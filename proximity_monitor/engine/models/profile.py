@@ -21,7 +21,7 @@ from .along_axis import lies_along, off_axis
 from .bezier import bernstein
 from .checks import ModelError
 from .nurbs import HIGHEST_DEGREE, Net, frozen
-from .orientation import balanced, runs_leftward
+from .orientation import area_leftward, balanced, is_clear, runs_leftward
 from .passing import passes
 
 Reals = NDArray[np.float64]
@@ -98,7 +98,9 @@ def checked_profile(
     all_of = _check_curves(nets, pieces, near, numbers, name)
     closed = _is_loop(nets, pieces, near, numbers, name)
     _check_simple(nets, all_of, size, numbers, name)
-    area = sum(_area(balanced(own), pieces[0][0, 0], closed) for own in pieces)
+    exact = area = area_leftward(pieces)
+    if area is None:
+        area = sum(_area(balanced(own), pieces[0][0, 0], closed) for own in pieces)
     wide, high, _ = np.ptp(np.concatenate([net.points for net in nets]), axis=0)
     if not abs(area) > JOINED * wide * high + _AREA_ROUNDING * size * (wide + high):
         raise ModelError(
@@ -106,7 +108,10 @@ def checked_profile(
             f"in rho and {high:.3g} m in z; move control points until they run around an area"
         )
     _check_along_axis(nets, pieces, near, numbers, name)
-    leftward = runs_leftward(pieces, size, not closed)
+    if is_clear(exact, pieces, size):
+        leftward = area > 0.0
+    else:
+        leftward = runs_leftward(pieces, size, not closed)
     if leftward is None:
         raise ModelError(
             f"{name}: curves: cannot tell on which side of them the solid is; is it a sliver? Make "

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -19,7 +19,7 @@ from .mesh import largest_norm
 from .model import DisplayMesh, Feature
 from .nurbs import Net, frozen
 from .patch import Curve
-from .profile import QUARTERS, Profile, checked_profile, profile_of, revolved
+from .profile import QUARTERS, Profile, checked_profile, profile_of, revolved, without_axis
 from .revolution_hierarchy import RevolutionHierarchy
 from .surface import Surface
 
@@ -72,14 +72,7 @@ class SolidOfRevolution(Surface):
         deviation: float = 0.0,
     ) -> None:
         ahead.want(self.kind)
-        if isinstance(curves, Curve) or not isinstance(curves, Iterable):
-            raise ModelError(f"{name}: curves: expected a list of curves, got {curves!r}")
-        given = tuple(curves)
-        for i, curve in enumerate(given):
-            if not isinstance(curve, Curve):
-                raise ModelError(f"{name}: curves[{i}]: expected Curve, got {type(curve).__name__}")
-        if not given:
-            raise ModelError(f"{name}: curves: must not be empty")
+        given = _checked_curves(curves, name)
         self._frame = _frame(origin, axis, name)
         deviation = checked_length(deviation, name, "deviation")
         deviation = max(deviation, *(curve.deviation for curve in given))
@@ -89,22 +82,7 @@ class SolidOfRevolution(Surface):
         super().__init__(nets, name, deviation + _ROUNDING * size, solid=True)
 
     def _checked(self, nets: Sequence[Net]) -> Joints:
-        """Return the gap with which the patches close up, as the profile does: `checked_profile`.
-
-        The two rings where curves meet have the same weights up to a factor, so the distance of
-        their control points bounds that of the rings. A ring on the axis counts as a point; its
-        width is its gap.
-        """
-        ends = [(net.control[0], net.control[-1]) for net in nets]
-        gaps = [before[1] - after[0] for before, after in pairwise(ends)]
-        first, last = ends[0][0], ends[-1][1]
-        if self.profile.closed:
-            gaps.append(last - first)
-        else:
-            gaps += [first - first[0], last - last[0]]
-        widest = max(float(np.linalg.norm(gap, axis=1).max()) for gap in gaps)
-        size = max(float(np.abs(net.points).max()) for net in nets)
-        return Joints("", 2.0 * widest + GAP_ROUNDING * size)
+        return _joints(nets, self.profile)
 
     @property
     def _hierarchy(self) -> RevolutionHierarchy:
@@ -131,32 +109,79 @@ class SolidOfRevolution(Surface):
         rho, z = points[:, :1], points[:, 1:2]
         return frozen(self.origin + rho * self._frame[:3, 0] + z * self.axis)
 
-    def deform(self, points: ArrayLike) -> float:
+    def deform(self, points: ArrayLike | Sequence[Curve]) -> float:
         """Move the profile's control points; weights and knots stay.
 
         For the result and the errors see `Model.deform`; the profile is checked as a new one is.
 
         Args:
             points: (n, 3) metres, model frame, in the half-plane theta = 0, like `control_points`;
-                or (n, 2) rho and z, metres.
+                or (n, 2) rho and z, metres; or curves, as for a new solid. Without their parts
+                along the axis they must be as many as those of `profile`, with the same weights
+                and knots, and with no larger deviation than the solid.
         """
+        nets, numbers = self._nets_at(points)
+        profile = checked_profile(nets, self.name, numbers)
+        before = np.concatenate([net.points for net in self.profile.nets])
+        moved = np.concatenate([net.points for net in nets])
+        patches = tuple(revolved(net, self._frame) for net in nets)
+        joints = _joints(patches, profile)
+        self._made = self._hierarchy.deformed(patches, joints, profile, self._frame)
+        self.nets, self.profile, self._joints = patches, profile, joints
+        return largest_norm(moved - before)
+
+    def _nets_at(
+        self, points: ArrayLike | Sequence[Curve]
+    ) -> tuple[Sequence[Net], Sequence[int] | None]:
+        """Return the curves that `deform` is given, and the numbers by which messages call them."""
+        if isinstance(points, Iterator):
+            points = tuple(points)
+        many = points if isinstance(points, Sequence) else (points,)
+        if any(isinstance(each, Curve) for each in many):
+            return self._alike(_checked_curves(points, self.name))
         given = as_reals(points, f"{self.name}: control_points", error=ModelError)
         if given.ndim == 2 and given.shape[1] == 3:
             given = self._in_plane(checked_vertices(given, self.name, "control_points"))
         made = np.column_stack((given, np.zeros(len(given)))) if given.ndim == 2 else given
         moved = checked_vertices(made, self.name, "control_points")
-        before = np.concatenate([net.points for net in self.profile.nets])
-        if len(moved) != len(before):
+        ends = np.cumsum([len(net.points) for net in self.profile.nets])
+        if len(moved) != ends[-1]:
             raise ModelError(
-                f"{self.name}: control_points: {len(moved)} given, expected {len(before)}"
+                f"{self.name}: control_points: {len(moved)} given, expected {ends[-1]}"
             )
-        parts = np.split(moved, np.cumsum([len(net.points) for net in self.profile.nets])[:-1])
+        parts = np.split(moved, ends[:-1])
         nets = [net.moved(part) for net, part in zip(self.profile.nets, parts, strict=True)]
-        profile = checked_profile(nets, self.name)
-        self._refit([revolved(net, self._frame) for net in nets])
-        self.profile = profile
-        self._made = RevolutionHierarchy.around(self._made, profile, self._frame)
-        return largest_norm(moved - before)
+        return nets, None
+
+    def _alike(self, curves: Sequence[Curve]) -> tuple[Sequence[Net], Sequence[int]]:
+        """Return curves without their parts along the axis; refuse those of another structure."""
+        for i, curve in enumerate(curves):
+            if curve.deviation > self._deviation:
+                raise ModelError(
+                    f"{self.name}: curves[{i}]: deviation {curve.deviation:g} m: larger than the "
+                    f"solid's, {self._deviation:g} m; make a new solid"
+                )
+        nets, numbers = without_axis([curve.nets[0] for curve in curves], self.name)
+        if len(nets) != len(self.profile.nets):
+            raise ModelError(
+                f"{self.name}: curves: {len(nets)} given that do not lie along the axis, expected "
+                f"{len(self.profile.nets)}; make a new solid"
+            )
+        for k, net, own in zip(numbers, nets, self.profile.nets, strict=True):
+            if not np.array_equal(net.knots_u, own.knots_u):
+                what = "knots", net.knots_u, own.knots_u
+            elif not _are_equal(net.weights, own.weights):
+                what = "weights", net.weights, own.weights
+            else:
+                continue
+            given, expected = (
+                "equal" if each is None else each.ravel().tolist() for each in what[1:]
+            )
+            raise ModelError(
+                f"{self.name}: curves[{k}]: {what[0]} {given}: expected {expected}, as before; "
+                "otherwise make a new solid"
+            )
+        return nets, numbers
 
     def _in_plane(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return rho and z (n, 2) of points (n, 3) in the half-plane theta = 0; refuse others."""
@@ -202,6 +227,43 @@ class SolidOfRevolution(Surface):
         """Restore the solid from a pickle; see `Surface`."""
         super().__setstate__(state)
         self.profile, self._frame = Profile(*state["profile"]), frozen(state["frame"])
+
+
+def _joints(nets: Sequence[Net], profile: Profile) -> Joints:
+    """Return the gap with which the patches close up, as the profile does: `checked_profile`.
+
+    The two rings where curves meet have the same weights up to a factor, so the distance of
+    their control points bounds that of the rings. A ring on the axis counts as a point; its
+    width is its gap.
+    """
+    ends = [(net.control[0], net.control[-1]) for net in nets]
+    gaps = [before[1] - after[0] for before, after in pairwise(ends)]
+    first, last = ends[0][0], ends[-1][1]
+    if profile.closed:
+        gaps.append(last - first)
+    else:
+        gaps += [first - first[0], last - last[0]]
+    widest = max(float(np.linalg.norm(gap, axis=1).max()) for gap in gaps)
+    size = max(float(np.abs(net.points).max()) for net in nets)
+    return Joints("", 2.0 * widest + GAP_ROUNDING * size)
+
+
+def _checked_curves(curves: Sequence[Curve], name: str) -> tuple[Curve, ...]:
+    """Return the curves of a profile; raise ModelError if these are none."""
+    if isinstance(curves, Curve) or not isinstance(curves, Iterable):
+        raise ModelError(f"{name}: curves: expected a list of curves, got {curves!r}")
+    given = tuple(curves)
+    for i, curve in enumerate(given):
+        if not isinstance(curve, Curve):
+            raise ModelError(f"{name}: curves[{i}]: expected Curve, got {type(curve).__name__}")
+    if not given:
+        raise ModelError(f"{name}: curves: must not be empty")
+    return given
+
+
+def _are_equal(one: NDArray[np.float64] | None, other: NDArray[np.float64] | None) -> bool:
+    """Return whether weights are equal; None: all are."""
+    return one is other if one is None or other is None else np.array_equal(one, other)
 
 
 def angle(v: ArrayLike) -> NDArray[np.float64]:

@@ -5,6 +5,7 @@ A fat arc is an arc of a circle in the half-plane (rho, z), with how far the pro
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -22,6 +23,9 @@ from .surface_hierarchy import SurfaceHierarchy
 from .tube import tube_of
 
 if TYPE_CHECKING:
+    from .closed import Joints
+    from .nurbs import Net
+    from .parts import Parts
     from .profile import Profile
 
 PRECISION = 1e-5
@@ -40,6 +44,9 @@ do not count."""
 _HALVINGS = 24
 """After so many halvings control points are as near to a curve as rounding allows."""
 
+
+_QUARTERS = 4
+"""How many spans each patch has around the axis."""
 
 _OWN = "arcs", "curves", "places", "frame", "samples", "reaches"
 """The attributes that describe the profile, as in RevolutionTree."""
@@ -74,19 +81,28 @@ class RevolutionHierarchy(SurfaceHierarchy):
 
         The frame (4, 4) is that of the profile in the model frame, metres.
         """
-        curves, places = _curves(patches, profile)
-        rows = np.zeros((6, 3))
-        extent = profile.size + _BEYOND * max(_beyond(pieces) for pieces in profile.pieces)
-        rows[:3], rows[3] = frame[:3, :3].T, frame[:3, 3]
-        rows[4, :2] = extent, _is_convex(profile)
-        rows[5] = tube_of(profile)
-        arcs = build_arcs(curves, extent, PRECISION * profile.size)
+        places = np.empty(len(patches.order), np.int32)
+        places[patches.order] = np.arange(len(places))
         kept = {name: getattr(patches, name) for name in SurfaceHierarchy.KEPT}
-        own = {
-            "arcs": arcs, "curves": curves, "places": places, "frame": rows,
-            "samples": take_samples(curves), "reaches": take_reaches(arcs, extent),
-        }  # fmt: skip
-        return cls._made(kept | {name: frozen(array) for name, array in own.items()})
+        kept["places"] = frozen(places)
+        return cls._made(kept | _around(_curves(patches.parts, profile), profile, frame))
+
+    def deformed(
+        self, patches: Sequence[Net], joints: Joints, profile: Profile, frame: NDArray
+    ) -> Self:
+        """Return a hierarchy of the same structure for a profile whose control points moved.
+
+        The revision increases by one.
+
+        Args:
+            patches: what the curves of the profile sweep.
+            joints: how the patches close up.
+            profile: the moved profile.
+            frame: (4, 4) as for `around`.
+        """
+        curves = self.curves.copy()
+        curves["control"] = _controls(profile)
+        return self._moved(patches, joints, _around(curves, profile, frame))
 
     @property
     def tree_kind(self) -> type:
@@ -102,12 +118,29 @@ class RevolutionHierarchy(SurfaceHierarchy):
         return *own, *SurfaceHierarchy._frozen(state)
 
 
+def _around(curves: NDArray, profile: Profile, frame: NDArray) -> dict[str, NDArray]:
+    """Return what changes of the attributes `_OWN` when the pieces (c,) of a profile move."""
+    rows = np.zeros((6, 3))
+    extent = profile.size + _BEYOND * max(_beyond(pieces) for pieces in profile.pieces)
+    rows[:3], rows[3] = frame[:3, :3].T, frame[:3, 3]
+    rows[4, :2] = extent, _is_convex(profile)
+    rows[5] = tube_of(profile)
+    arcs = build_arcs(curves, extent, PRECISION * profile.size)
+    made = {
+        "arcs": arcs, "curves": curves, "frame": rows, "samples": take_samples(curves),
+        "reaches": take_reaches(arcs, extent),
+    }  # fmt: skip
+    return {name: frozen(array) for name, array in made.items()}
+
+
 def _is_convex(profile: Profile) -> bool:
     """Tell whether a solid is convex because its control points turn to one side only.
 
     A convex solid that is not recognised costs only time: it is searched like any other.
     """
-    points = np.concatenate([rows[:, :2] / rows[:, 2:] for own in profile.pieces for rows in own])
+    points = np.concatenate(
+        [(own[..., :2] / own[..., 2:]).reshape(-1, 2) for own in profile.pieces]
+    )
     steps = np.diff(points, axis=0)
     steps = steps[np.linalg.norm(steps, axis=1) > _STRAIGHT * profile.size]
     x, z = steps.T
@@ -141,21 +174,30 @@ def _beyond(pieces: NDArray[np.float64]) -> float:
     return rounding + float((-left[..., 0] / left[..., 1]).max())
 
 
-def _curves(patches: SurfaceHierarchy, profile: Profile) -> tuple[NDArray, NDArray[np.int32]]:
-    """Return the pieces (c,) of a profile, CURVE_PIECE, and `RevolutionHierarchy.places`."""
-    parts = patches.parts[0][0]
+def _curves(all_parts: Parts, profile: Profile) -> NDArray:
+    """Return the pieces (c,) of a profile, CURVE_PIECE; their spans are cut into `parts`."""
+    parts = all_parts[0][0]
     made = []
     first = 0
-    for k, (net, patch) in enumerate(zip(profile.nets, patches.nets, strict=True)):
-        pieces, (along, _) = profile.pieces[k], net.spans
-        own = np.zeros(len(pieces), CURVE_PIECE)
-        own["control"][:, : 3 * pieces.shape[1]] = pieces.reshape(len(pieces), -1)
-        own["degree"], own["patch"], own["parts"] = pieces.shape[1] - 1, k, parts
-        own["around"] = len(patch.spans[1].low) * parts
+    for k, net in enumerate(profile.nets):
+        along, _ = net.spans
+        own = np.zeros(len(along.low), CURVE_PIECE)
+        own["degree"], own["patch"], own["parts"] = along.degree, k, parts
+        own["around"] = _QUARTERS * parts
         own["low"], own["high"] = along.low, along.high
-        own["first"] = first + np.arange(len(pieces)) * own["around"] * parts
+        own["first"] = first + np.arange(len(own)) * own["around"] * parts
         first += int((own["around"] * parts).sum())
         made.append(own)
-    places = np.empty(len(patches.order), np.int32)
-    places[patches.order] = np.arange(len(places))
-    return np.concatenate(made), places
+    curves = np.concatenate(made)
+    curves["control"] = _controls(profile)
+    return curves
+
+
+def _controls(profile: Profile) -> NDArray[np.float64]:
+    """Return the control points (c, 48) of the pieces of a profile; see CURVE_PIECE."""
+    count = sum(map(len, profile.pieces))
+    made, end = np.zeros((count, CURVE_PIECE["control"].shape[0])), 0
+    for pieces in profile.pieces:
+        end += len(pieces)
+        made[end - len(pieces) : end, : 3 * pieces.shape[1]] = pieces.reshape(len(pieces), -1)
+    return made

@@ -81,9 +81,13 @@ class SurfaceHierarchy(Hierarchy):
 
         The revision increases by one.
         """
-        tree = refit_surface(self.tree, self.order, nets, self.parts, joints.gap)
+        return self._moved(nets, joints, {})
+
+    def _moved(self, nets: Sequence[Net], joints: Joints, own: dict[str, Any]) -> Self:
+        """Do what `refitted` does; `own` are attributes that a subclass has changed."""
+        tree, corners = refit_surface(self.tree, self.order, nets, self.parts, joints.gap)
         changed = {"joints": joints, "nets": tuple(nets), "tree": tree, "distinct": tree}
-        made = self._made(self._kept() | changed)
+        made = self._made(self._kept() | changed | own, corners)
         made._ranges = self._ranges
         return made
 
@@ -96,8 +100,8 @@ class SurfaceHierarchy(Hierarchy):
         rows = np.where(pieces["rational"] != 0, _RATIONAL_ROWS, _ROWS)
         self.cell_width = int((rows * pieces["room"]).max())
 
-    def _measure(self, error: float = 0.0) -> None:
-        super()._measure(error + float(self.tree.scale[CONVERSION]))
+    def _measure(self, corners: NDArray[np.float64], error: float = 0.0) -> None:
+        super()._measure(corners, error + float(self.tree.scale[CONVERSION]))
 
     def _corners(self) -> NDArray[np.float64]:
         return in_threes(projected(self.tree)[0])

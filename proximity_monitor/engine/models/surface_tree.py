@@ -62,18 +62,27 @@ def build_surface(
     children, order, depth = build_tree(stand_ins, leaves, len(pieces))
     children.setflags(write=False)  # as in a refit, so that kernels are compiled only once
     scale = _scale(nets, parts, lost, 0.0, deviation, gap)
-    tree = _fitted(children, order, pieces, flat, scale, trims)
+    tree, _ = _fitted(children, _ordered(pieces, order), flat, scale, trims)
     return tree, order.astype(np.int32), depth + 1
 
 
 def refit_surface(
     tree: SurfaceTree, order: NDArray[np.int32], nets: Sequence[Net], parts: Parts, gap: float
-) -> SurfaceTree:
-    """Return a tree of the same structure over the pieces of nets whose control points moved."""
-    pieces, flat, lost = with_edges(*_cut(nets, parts), tree.trims)
+) -> tuple[SurfaceTree, NDArray[np.float64]]:
+    """Fit a tree of the same structure to the pieces of nets whose control points moved.
+
+    Returns:
+        The tree, and the control points of its pieces as rows (k, 9) of three, metres.
+    """
+    if tree.trims.trims["rows"].any():
+        pieces, flat, lost = with_edges(*_cut(nets, parts), tree.trims)
+        pieces = _ordered(pieces, order)
+    else:  # nothing but the nets depends on control points
+        made = [_rows(net, own) for net, own in zip(nets, parts, strict=True)]
+        pieces, flat, lost = tree.pieces.copy(), np.concatenate([own.ravel() for own in made]), 0.0
     revision, deviation = tree.scale[REVISION] + 1.0, tree.scale[REVISION + 2]
     scale = _scale(nets, parts, lost, revision, deviation, gap)
-    return _fitted(tree.children, order, pieces, flat, scale, tree.trims)
+    return _fitted(tree.children, pieces, flat, scale, tree.trims)
 
 
 def projected(tree: SurfaceTree) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
@@ -86,24 +95,19 @@ def _cut(nets: Sequence[Net], parts: Parts) -> tuple[NDArray, NDArray[np.float64
     pieces, flat, start = [], [], 0
     for patch, (net, own_parts) in enumerate(zip(nets, parts, strict=True)):
         along_u, along_v = net.parts(own_parts)
-        made = net.pieces(own_parts)
-        s_u, s_v, n_u, n_v, _ = made.shape
-        count, points = s_u * s_v, n_u * n_v
-        room = -(-points // NET_WIDTH) * NET_WIDTH
-        rows = np.empty((count, 4, room))
-        rows[..., :points] = made.reshape(count, points, 4).transpose(0, 2, 1)
-        rows[..., points:] = rows[..., points - 1 : points]
+        rows, s_v = _rows(net, own_parts), len(along_v.low)
+        count, _, room = rows.shape
         own = np.zeros(count, PIECE)
         own["net"] = start + 4 * room * np.arange(count)
-        own["points"], own["room"] = points, room
-        own["degree_u"], own["degree_v"] = n_u - 1, n_v - 1
+        own["points"] = (along_u.degree + 1) * (along_v.degree + 1)
+        own["room"], own["degree_u"], own["degree_v"] = room, along_u.degree, along_v.degree
         own["rational"], own["patch"] = net.weights is not None, patch
         own["side"], own["edge"] = INSIDE, NONE
         for end, u, v in (
             ("low", along_u.low, along_v.low),
             ("high", along_u.high, along_v.high),
         ):
-            own[end][:, 0], own[end][:, 1] = np.repeat(u, s_v), np.tile(v, s_u)
+            own[end][:, 0], own[end][:, 1] = np.repeat(u, s_v), np.tile(v, count // s_v)
         pieces.append(own)
         flat.append(rows.reshape(-1))
         start += rows.size
@@ -112,19 +116,35 @@ def _cut(nets: Sequence[Net], parts: Parts) -> tuple[NDArray, NDArray[np.float64
     return cut, np.concatenate(flat)
 
 
+def _rows(net: Net, parts: tuple[int, int]) -> NDArray[np.float64]:
+    """Return the nets of a net's pieces (m, 4, room): see PIECE."""
+    made = net.pieces(parts)
+    s_u, s_v, n_u, n_v, _ = made.shape
+    count, points = s_u * s_v, n_u * n_v
+    rows = np.empty((count, 4, -(-points // NET_WIDTH) * NET_WIDTH))
+    rows[..., :points] = made.reshape(count, points, 4).transpose(0, 2, 1)
+    rows[..., points:] = rows[..., points - 1 : points]
+    return rows
+
+
+def _ordered(pieces: NDArray, order: NDArray) -> NDArray:
+    """Return pieces in tree order."""
+    pieces = pieces.take(order)
+    pieces["face"] = np.argsort(order)[pieces["face"]]
+    return pieces
+
+
 def _fitted(
     children: NDArray[np.int32],
-    order: NDArray[np.int32],
     pieces: NDArray,
     nets: NDArray[np.float64],
     scale: NDArray[np.float64],
     trims: Trims,
-) -> SurfaceTree:
-    """Return the tree of a given structure over pieces, which are brought into tree order."""
-    pieces = pieces.take(order)
-    pieces["face"] = np.argsort(order)[pieces["face"]]
+) -> tuple[SurfaceTree, NDArray[np.float64]]:
+    """Return the tree of a given structure over pieces in tree order, and their control points."""
     points, starts = project(pieces, nets)
-    _, largest, longest = measure(in_threes(points), np.empty(3))
+    corners = in_threes(points)
+    _, largest, longest = measure(corners, np.empty(3))
     # A power of two above every coordinate: dividing by it is exact.
     unit = math.ldexp(1.0, math.frexp(largest)[1]) if largest > 1e-300 else 1.0
     scale[:3] = unit, 1.0 / unit, longest * (1.0 + 8.0 * DOUBLE_EPS)
@@ -133,7 +153,7 @@ def _fitted(
     tree = SurfaceTree(nodes, centres, children, sizes, pieces, nets, scale, trims)
     for array in arrays_of(tree):
         frozen(array)
-    return tree
+    return tree, corners
 
 
 def in_threes(points: NDArray[np.float64]) -> NDArray[np.float64]:
