@@ -1,4 +1,4 @@
-"""Each kind of model against each kind: near, crossing, almost touching and far away.
+"""Each kind against each kind: near, crossing, touching, almost so, about one axis, far away.
 
 The first oracle is tessellations. Their `deviation` is their tolerance, so their bounds hold for
 the models themselves. The second is samples of the tessellations, which no engine searches. Other
@@ -22,6 +22,7 @@ WALL = np.array([[0.03, 0.0], [0.05, 0.04], [0.02, 0.1]])
 BENT = np.array([[0.0, 0.0, 0.0], [0.1, 0.05, 0.0], [0.1, 0.1, 0.1]])
 AXIS = [[0.0, 0.0, -0.5 * LENGTH], [0.0, 0.0, 0.5 * LENGTH]]
 PLACES = {"random": 0.12, "crossing": 0.02, "far": 20.0}
+HEIGHTS = {"concentric": 0.0, "higher": 0.03, "on top": 0.25}
 SPACING = 6e-3
 
 
@@ -156,31 +157,76 @@ def ask_all(a, pose_a, b, pose_b):
     return found
 
 
-@pytest.mark.parametrize("names", NAMES, ids=" and ".join)
-def test_as_near_and_as_deep_as_a_tessellation(names):
+def seeded(names, seed=""):
+    """Return the random numbers of a pair, the same in each run."""
+    return np.random.default_rng(zlib.crc32((" ".join(names) + seed).encode()))
+
+
+def check_all(names, pose_a, pose_b, budget_s=None):
+    """Compare every answer about a pair with those about its tessellations; return the distance.
+
+    The budget is that of the signed distance, whose bounds hold even if it ends first.
+    """
     a, b = (MODELS[name] for name in names)
     core_a, core_b = (CORES[name] for name in names)
     radii = RADIUS * names.count("rounded")
-    rng = np.random.default_rng(zlib.crc32(" ".join(names).encode()))
+    found = ask_all(a, pose_a, b, pose_b)
+    about = engine.distance(core_a, pose_a, core_b, pose_b)
+    check(found, max(about.lower - radii, 0.0), max(about.upper - radii, 0.0))
+    sampled = sampled_distance(names, pose_a, pose_b) - radii
+    off = core_a.deviation + core_b.deviation
+    check(found, sampled - off - 2.0 * SPACING, max(sampled + off, 0.0))
+    signed = engine.signed_distance(a, pose_a, b, pose_b, budget_s=budget_s)
+    about = engine.signed_distance(*(
+        each for name, at in zip(names, (pose_a, pose_b), strict=True)
+        for each in (TESSELLATED[name], at)
+    ))  # fmt: skip
+    check(signed, about.lower, about.upper)
+    if signed.upper < 0.0 and signed.status is not Status.OUT_OF_TIME:
+        assert signed.upper - signed.lower <= 0.0101 * -signed.lower + 1e-11
+    return found
+
+
+@pytest.mark.parametrize("names", NAMES, ids=" and ".join)
+def test_as_near_and_as_deep_as_a_tessellation(names):
+    rng = seeded(names)
     for place in PLACES.values():
         pose_a, pose_b = pose(rng, 0.05), np.eye(4)
         pose_b[:3, :3] = rotation(rng)
         way = rng.normal(size=3)
         pose_b[:3, 3] = pose_a[:3, 3] + place * way / np.linalg.norm(way)
-        found = ask_all(a, pose_a, b, pose_b)
-        about = engine.distance(core_a, pose_a, core_b, pose_b)
-        check(found, max(about.lower - radii, 0.0), max(about.upper - radii, 0.0))
-        sampled = sampled_distance(names, pose_a, pose_b) - radii
-        off = core_a.deviation + core_b.deviation
-        check(found, sampled - off - 2.0 * SPACING, max(sampled + off, 0.0))
-        signed = engine.signed_distance(a, pose_a, b, pose_b)
-        about = engine.signed_distance(*(
-            each for name, at in zip(names, (pose_a, pose_b), strict=True)
-            for each in (TESSELLATED[name], at)
-        ))  # fmt: skip
-        check(signed, about.lower, about.upper)
-        if signed.upper < 0.0:
-            assert signed.upper - signed.lower <= 0.0101 * -signed.lower + 1e-11
+        check_all(names, pose_a, pose_b)
+
+
+def about_one_axis(names, pose_a, height, angle, upside_down):
+    """Return a pose of the second model with the z axis of the first; 0 in height is its centre."""
+    c, s = np.cos(angle), np.sin(angle)
+    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    turn = turn @ np.diag([1.0, -1.0, -1.0]) if upside_down else turn
+    made, (low, high) = np.eye(4), (MODELS[name].centre[2] for name in names)
+    made[:3, :3], made[2, 3] = turn, low + height - turn[2, 2] * high
+    return pose_a @ made
+
+
+@pytest.mark.parametrize("names", NAMES, ids=" and ".join)
+def test_about_one_axis(names):
+    """The nearest points of solids of revolution are then whole circles, of boxes whole faces."""
+    rng = seeded(names)
+    for height in HEIGHTS.values():
+        for upside_down in (False, True):
+            pose_a = pose(rng, 0.05)
+            pose_b = about_one_axis(names, pose_a, height, rng.uniform(0.0, 6.3), upside_down)
+            found = check_all(names, pose_a, pose_b)
+            assert found.upper - found.lower <= 1e-5
+            if height < HEIGHTS["on top"]:
+                continue
+            # Move the second model until it touches the first: the distance shrinks by no more.
+            assert found.status is Status.EXACT and found.lower > 0.01
+            pose_b[:3, 3] += found.point_a - found.point_b
+            touching = check_all(names, pose_a, pose_b, budget_s=0.2)
+            assert touching.lower <= 1e-15 and touching.upper <= 1e-11
+            a, b = (MODELS[name] for name in names)
+            assert engine.within(a, pose_a, b, pose_b, 1e-10).within
 
 
 def almost_touching(names, gap, seed=""):
@@ -190,7 +236,7 @@ def almost_touching(names, gap, seed=""):
     shrinks by at most that motion. `gap`, up to rounding, is an upper bound.
     """
     a, b = (MODELS[name] for name in names)
-    rng = np.random.default_rng(zlib.crc32((" ".join(names) + seed).encode()))
+    rng = seeded(names, seed)
     pose_a, pose_b = pose(rng, 0.05), pose(rng)
     way = rng.normal(size=3)
     pose_b[:3, 3] = pose_a[:3, 3] + 0.25 * way / np.linalg.norm(way)
