@@ -78,8 +78,10 @@ def refit_surface(
         pieces, flat, lost = with_edges(*_cut(nets, parts), tree.trims)
         pieces = _ordered(pieces, order)
     else:  # nothing but the nets depends on control points
-        made = [_rows(net, own) for net, own in zip(nets, parts, strict=True)]
-        pieces, flat, lost = tree.pieces.copy(), np.concatenate([own.ravel() for own in made]), 0.0
+        pieces, flat, lost = tree.pieces.copy(), np.empty_like(tree.nets), 0.0
+        end = 0
+        for net, own in zip(nets, parts, strict=True):
+            end += _rows(net, own, flat[end:]).size
     revision, deviation = tree.scale[REVISION] + 1.0, tree.scale[REVISION + 2]
     scale = _scale(nets, parts, lost, revision, deviation, gap)
     return _fitted(tree.children, pieces, flat, scale, tree.trims)
@@ -116,12 +118,16 @@ def _cut(nets: Sequence[Net], parts: Parts) -> tuple[NDArray, NDArray[np.float64
     return cut, np.concatenate(flat)
 
 
-def _rows(net: Net, parts: tuple[int, int]) -> NDArray[np.float64]:
-    """Return the nets of a net's pieces (m, 4, room): see PIECE."""
+def _rows(
+    net: Net, parts: tuple[int, int], into: NDArray[np.float64] | None = None
+) -> NDArray[np.float64]:
+    """Return the nets of a net's pieces (m, 4, room): see PIECE; at the beginning of `into`."""
     made = net.pieces(parts)
     s_u, s_v, n_u, n_v, _ = made.shape
     count, points = s_u * s_v, n_u * n_v
-    rows = np.empty((count, 4, -(-points // NET_WIDTH) * NET_WIDTH))
+    room = -(-points // NET_WIDTH) * NET_WIDTH
+    flat = np.empty(4 * count * room) if into is None else into[: 4 * count * room]
+    rows = flat.reshape(count, 4, room)
     rows[..., :points] = made.reshape(count, points, 4).transpose(0, 2, 1)
     rows[..., points:] = rows[..., points - 1 : points]
     return rows
