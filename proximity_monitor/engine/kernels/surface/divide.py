@@ -52,6 +52,10 @@ _ALMOST = 1e-8
 """Normals are also tried if a bound falls short by less than this share of the distance found. The
 way between points on flat surfaces is tilted by about as much, because that hardly lengthens it."""
 
+_TILT = 16.0 * DOUBLE_EPS
+"""Rounding moves the near points by about this share of the models' sizes. If they are as near as
+1e-6 of these, that tilts the way so much that parallel planes need normals as well."""
+
 _EACH, _NEAR = 16, 0.25
 """If two cells may cross, one local search is begun for every `_EACH` pairs that wait, and only if
 their points are nearer than the share `_NEAR` of the distance found so far."""
@@ -224,7 +228,9 @@ def bound_pair(tree_a, tree_b, state, a, b, bound, normal, gap):
     if gap > bound:
         bound, normal = gap, n
     rough = roughness(tree_a, cells.cells_a, a) + roughness(tree_b, cells.cells_b, b)
-    almost = bound > progress.limit - _ALMOST * progress.distance
+    short = progress.limit - _ALMOST * progress.distance - bound
+    size = tree_a.scale[2] + tree_b.scale[2]
+    almost = short <= 0.0 or short * apart < _TILT * size * size
     if (almost or rough > _ROUGH * apart) and bound < progress.limit:
         bound, normal = _along_normals(tree_a, tree_b, state, a, b, way, slack, bound, normal)
     if bound < progress.limit <= bound + rough:
