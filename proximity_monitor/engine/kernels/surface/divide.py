@@ -56,6 +56,11 @@ _TILT = 16.0 * DOUBLE_EPS
 """Rounding moves the near points by about this share of the models' sizes. If they are as near as
 1e-6 of these, that tilts the way so much that parallel planes need normals as well."""
 
+_MISSING = 8.0
+"""If a bound falls short by more than this many times what both cells bend along its direction, the
+direction is poor, and cells that bend less along it would have the same. It gets better as all of
+their shape gets simpler."""
+
 _EACH, _NEAR = 16, 0.25
 """If two cells may cross, one local search is begun for every `_EACH` pairs that wait, and only if
 their points are nearer than the share `_NEAR` of the distance found so far."""
@@ -136,6 +141,11 @@ def divide_nearest(tree_a, tree_b, state):
     u_b, v_b, rough_b = ways_to_divide(
         tree_b, cells.cells_b, cells.nets_b, b, turned_back(state.motions[0], along)
     )
+    bends = max(rough_a, 0.0) + max(rough_b, 0.0)
+    if along != (0.0, 0.0, 0.0) and progress.limit - bound > _MISSING * bends:
+        along = (0.0, 0.0, 0.0)
+        u_a, v_a, rough_a = ways_to_divide(tree_a, cells.cells_a, cells.nets_a, a, along)
+        u_b, v_b, rough_b = ways_to_divide(tree_b, cells.cells_b, cells.nets_b, b, along)
     if settled:
         most = progress.param_err
         u_a, v_a = is_long_in(tree_a, cells.cells_a, a, most)
