@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..arguments import check_tolerance
 from ..kernels.base.cache import KERNELS
 from .checks import ModelError, checked_faces, checked_length, checked_vertices
 from .hierarchy import Solid
@@ -163,6 +164,7 @@ class TriangleMesh(Model):
         The corners of the tessellation lie on the surface and its faces inside. It is coarser than
         the tolerance if there are many balls: it has some 60,000 triangles at most.
         """
+        tolerance = check_tolerance("tolerance", tolerance)
         if not self.swept_radius > 0.0:
             return DisplayMesh(self.vertices, self.faces, off=0.0)
         *shown, within = tessellated(self.vertices, self.faces, self.swept_radius, tolerance)

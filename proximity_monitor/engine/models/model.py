@@ -121,6 +121,10 @@ class Model(ABC):
         Args:
             tolerance: metres; no point of the triangles should be farther from the surface. Flat
                 parts are exact. 0 asks for the finest triangles that the kind makes.
+
+        Raises:
+            TypeError: the tolerance is no real number.
+            ValueError: the tolerance is negative or NaN.
         """
 
     @staticmethod

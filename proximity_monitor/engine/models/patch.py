@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..arguments import as_count
+from .checks import ModelError
 from .nurbs import checked_net
 from .surface import Surface
 from .surface_mesh import unit_normals
-
-if TYPE_CHECKING:
-    from .trim import Trim
+from .trim import Trim
 
 
 class Patch(Surface):
@@ -36,8 +35,8 @@ class Patch(Surface):
         ModelError: an array has a wrong shape; a coordinate is not finite or beyond 1e45 m; knots
             are not finite, decrease, are repeated too often or do not fit the control points; a
             degree is not 1 to 15; a weight is not finite, not positive or too small; the deviation
-            is no number from 0 to 1e45 m; the trim is of another rectangle. The message says which,
-            and where.
+            is no number from 0 to 1e45 m; the trim is none, or of another rectangle. The message
+            says which, and where.
     """
 
     __slots__ = ()
@@ -55,6 +54,8 @@ class Patch(Surface):
     ) -> None:
         net = checked_net(control, (knots_u, knots_v), weights, name)
         if trim is not None:
+            if not isinstance(trim, Trim):
+                raise ModelError(f"{name}: trim: expected a Trim, got {type(trim).__name__}")
             trim.check(net, name)
             net = replace(net, trim=None if trim.whole else trim)
         super().__init__([net], name, deviation)
@@ -112,9 +113,11 @@ class Patch(Surface):
         i + j > order. At the joint of two knot spans it is that of the second span.
 
         Raises:
-            ValueError: parameters are no numbers, or outside of `domain`.
+            TypeError: the order is no whole number.
+            ValueError: the order is negative; parameters are no numbers, or outside of `domain`.
         """
         u, v = self._parameters(u, v)
+        order = as_count(order, "order", 0)
         made = self.nets[0].derivatives(u.ravel(), v.ravel(), order)
         return made.reshape(*u.shape, *made.shape[1:])
 
@@ -199,8 +202,10 @@ class Curve(Surface):
         They are in metres, model frame. At the joint of two knot spans the second span counts.
 
         Raises:
-            ValueError: parameters are no numbers, or outside of `domain`.
+            TypeError: the order is no whole number.
+            ValueError: the order is negative; parameters are no numbers, or outside of `domain`.
         """
         (t,) = self._parameters(t)
+        order = as_count(order, "order", 0)
         made = self.nets[0].derivatives(t.ravel(), np.zeros(t.size), order)[:, :, 0]
         return made.reshape(*t.shape, *made.shape[1:])

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import struct
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arguments import as_reals
+from ..arguments import as_reals, check_tolerance
 from ..kernels.base import ahead
 from ..kernels.base.cache import KERNELS
 from .checks import ModelError, checked_length, checked_vertices
@@ -116,7 +116,7 @@ class Surface(Model):
 
         It is as fine as the tolerance demands, but has some 120,000 triangles at most.
         """
-        return tessellated_surface(self.nets, tolerance)
+        return tessellated_surface(self.nets, check_tolerance("tolerance", tolerance))
 
     @staticmethod
     def feature(element: int, parameters: NDArray[np.float64]) -> Feature:
@@ -185,7 +185,8 @@ class Surface(Model):
         """Return parameters of the only patch or curve, checked and broadcast to one shape.
 
         Raises:
-            ValueError: parameters are no numbers, or outside of the domain.
+            ValueError: parameters are no numbers, or outside of the domain, or their shapes do not
+                broadcast to one.
         """
         letters = "uv" if len(given) == 2 else "t"
         arrays = [as_reals(each, letter) for each, letter in zip(given, letters, strict=True)]
@@ -197,7 +198,13 @@ class Surface(Model):
                 raise ValueError(
                     f"{self.name}: {letter}{place} = {array[bad][0]}: must be from {low} to {high}"
                 )
-        return np.broadcast_arrays(*arrays)
+        try:
+            return np.broadcast_arrays(*arrays)
+        except ValueError:
+            shapes = " and ".join(
+                f"{letter} {array.shape}" for letter, array in zip(letters, arrays, strict=True)
+            )
+            raise ValueError(f"{self.name}: the shapes of {shapes} do not match") from None
 
 
 class ParametricSurface(Surface):
@@ -219,9 +226,9 @@ class ParametricSurface(Surface):
             with the hierarchy; `not_solid` says why it is none. False: it is a surface.
 
     Raises:
-        ModelError: there are no patches, or one is no `Patch` or `Curve`; `solid` is not True,
-            False or None; the deviation is no number from 0 to 1e45 m; the model must be a solid
-            and has open edges. The message says which.
+        ModelError: patches are no list, or empty, or one is no `Patch` or `Curve`; `solid` is not
+            True, False or None; the deviation is no number from 0 to 1e45 m; the model must be a
+            solid and has open edges. The message says which.
     """
 
     __slots__ = ()
@@ -234,6 +241,10 @@ class ParametricSurface(Surface):
         deviation: float = 0.0,
         solid: bool | None = False,
     ) -> None:
+        if isinstance(patches, Model) or not isinstance(patches, Iterable):
+            raise ModelError(
+                f"{name}: patches: expected a list of Patch and Curve, got {type(patches).__name__}"
+            )
         given = tuple(patches)
         for i, patch in enumerate(given):
             if not isinstance(patch, Surface) or len(patch.nets) != 1:

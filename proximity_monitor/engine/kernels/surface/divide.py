@@ -52,6 +52,15 @@ _ALMOST = 1e-8
 """Normals are also tried if a bound falls short by less than this share of the distance found. The
 way between points on flat surfaces is tilted by about as much, because that hardly lengthens it."""
 
+_TILT = 16.0 * DOUBLE_EPS
+"""Rounding moves the near points by about this share of the models' sizes. If they are as near as
+1e-6 of these, that tilts the way so much that parallel planes need normals as well."""
+
+_MISSING = 8.0
+"""If a bound falls short by more than this many times what both cells bend along its direction, the
+direction is poor, and cells that bend less along it would have the same. It gets better as all of
+their shape gets simpler."""
+
 _EACH, _NEAR = 16, 0.25
 """If two cells may cross, one local search is begun for every `_EACH` pairs that wait, and only if
 their points are nearer than the share `_NEAR` of the distance found so far."""
@@ -132,6 +141,11 @@ def divide_nearest(tree_a, tree_b, state):
     u_b, v_b, rough_b = ways_to_divide(
         tree_b, cells.cells_b, cells.nets_b, b, turned_back(state.motions[0], along)
     )
+    bends = max(rough_a, 0.0) + max(rough_b, 0.0)
+    if along != (0.0, 0.0, 0.0) and progress.limit - bound > _MISSING * bends:
+        along = (0.0, 0.0, 0.0)
+        u_a, v_a, rough_a = ways_to_divide(tree_a, cells.cells_a, cells.nets_a, a, along)
+        u_b, v_b, rough_b = ways_to_divide(tree_b, cells.cells_b, cells.nets_b, b, along)
     if settled:
         most = progress.param_err
         u_a, v_a = is_long_in(tree_a, cells.cells_a, a, most)
@@ -224,7 +238,9 @@ def bound_pair(tree_a, tree_b, state, a, b, bound, normal, gap):
     if gap > bound:
         bound, normal = gap, n
     rough = roughness(tree_a, cells.cells_a, a) + roughness(tree_b, cells.cells_b, b)
-    almost = bound > progress.limit - _ALMOST * progress.distance
+    short = progress.limit - _ALMOST * progress.distance - bound
+    size = tree_a.scale[2] + tree_b.scale[2]
+    almost = short <= 0.0 or short * apart < _TILT * size * size
     if (almost or rough > _ROUGH * apart) and bound < progress.limit:
         bound, normal = _along_normals(tree_a, tree_b, state, a, b, way, slack, bound, normal)
     if bound < progress.limit <= bound + rough:
