@@ -68,7 +68,7 @@ def is_convex(surface):
 
 
 @kernel
-def _frame_of(solid, motion, made):
+def frame_of(solid, motion, made):
     """Write the motion (12,) from a mesh's frame to that of a profile into `made`.
 
     `motion` leads to the frame of the profile's model.
@@ -107,9 +107,12 @@ def _first_triangle(solid, mesh, motion, spare, found):
 
 
 @kernel
-def _keep(surface, mesh, state, solid, t, here, y, v, w):
-    """Keep a point of a triangle and the solid's point nearest to it, if none known is nearer."""
-    element, at = place_of(solid, here.piece, here.t, math.atan2(y[1], y[0]))
+def keep_nearest(surface, mesh, state, solid, t, piece, at, y, v, w):
+    """Keep a point of a triangle and the solid's nearest point, if none known is nearer.
+
+    The point is y in the profile's frame; the nearest point of the profile is on `piece`, at `at`.
+    """
+    element, at = place_of(solid, piece, at, math.atan2(y[1], y[0]))
     measure_near(surface, mesh, state, element, at, t, (1.0 - v - w, v, w), 0)
 
 
@@ -129,7 +132,7 @@ def go_down(surface, mesh, state, fresh):
             return steps
     solid = revolution_of(surface)
     motion, found = on_stack(12, 0.0), on_stack(WIDTH, np.float32(0.0))
-    _frame_of(solid, state.motions[0], motion)
+    frame_of(solid, state.motions[0], motion)
     spare = _GAIN * solid.frame[4, 0]
     t, weights = progress.element_b, vector(progress.weights_b)
     v, w = weights[1], weights[2]
@@ -144,7 +147,7 @@ def go_down(surface, mesh, state, fresh):
         )
         steps += DESCENT_STEPS
         before = progress.distance
-        _keep(surface, mesh, state, solid, t, here, y, v, w)
+        keep_nearest(surface, mesh, state, solid, t, here.piece, here.t, y, v, w)
         if not progress.slack < progress.distance < before:
             break
         steps += lay_plane(surface, mesh, state)
@@ -170,7 +173,7 @@ def _open_beside(surface, mesh, state, lane, bound, lows):
     child = np.int64(mesh.children[lane])
     motion = on_stack(12, 0.0)
     to_surface = state.motions[0]
-    _frame_of(solid, to_surface, motion)
+    frame_of(solid, to_surface, motion)
     spare = _GAIN * solid.frame[4, 0]
     if child < 0:
         for t in range(first_of(child), last_of(child) + 1):
@@ -221,7 +224,7 @@ def _is_farther(surface, mesh, state, solid, t, motion, to_surface, spare):
         progress.limit,
     )  # fmt: skip
     if here.distance < progress.distance:
-        _keep(surface, mesh, state, solid, t, here, y, v, w)
+        keep_nearest(surface, mesh, state, solid, t, here.piece, here.t, y, v, w)
     n, end = plane_across(solid, to_surface, here.normal, progress.slack)
     return begin_of(n, mesh.triangles, t) - end >= progress.limit
 
