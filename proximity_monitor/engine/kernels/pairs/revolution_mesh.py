@@ -18,12 +18,12 @@ from ..base.state import Dividing
 from ..base.tables import has_profile, revolution_of
 from ..base.trees import MeshTree, SurfaceTree
 from ..base.vectors import along, dot, moved, moved_back, scaled, sub
-from ..elements.direction import begin_of
+from ..elements.direction import begin_of, take_direction
 from ..elements.primitives import corners
 from ..inside.nearest import Point, begin_nearest, nearest, point_triangle, walk
 from ..inside.visit import ROOM
 from ..revolution.places import place_of
-from ..revolution.triangle import foot_of, gradient_at, nearest_of_triangle
+from ..revolution.triangle import foot_of, gradient_at, nearest_of_triangle, normal_between
 from ..search import stubs
 from ..surface.facing import vector
 from ..surface.measure import measure_near
@@ -81,6 +81,13 @@ def frame_of(solid, motion, made):
                 axis[0] * motion[j] + axis[1] * motion[3 + j] + axis[2] * motion[6 + j]
             )
         made[9 + i] = dot(axis, sub((motion[9], motion[10], motion[11]), row(f, 3)))
+
+
+@inlined
+def _in_model(solid, v):
+    """Turn a vector of the profile's frame into the model's."""
+    f = solid.frame
+    return along(along(scaled(row(f, 0), v[0]), row(f, 1), v[1]), row(f, 2), v[2])
 
 
 @kernel
@@ -150,6 +157,8 @@ def go_down(surface, mesh, state, fresh):
         keep_nearest(surface, mesh, state, solid, t, here.piece, here.t, y, v, w)
         if not progress.slack < progress.distance < before:
             break
+        n = _in_model(solid, normal_between(here, triangle, v, w))
+        take_direction(progress, state.motions[0], n)
         steps += lay_plane(surface, mesh, state)
         if progress.open == 0:
             break
@@ -226,6 +235,12 @@ def _is_farther(surface, mesh, state, solid, t, motion, to_surface, spare):
     if here.distance < progress.distance:
         keep_nearest(surface, mesh, state, solid, t, here.piece, here.t, y, v, w)
     n, end = plane_across(solid, to_surface, here.normal, progress.slack)
+    if begin_of(n, mesh.triangles, t) - end >= progress.limit:
+        return True
+    there = normal_between(here, triangle, v, w)
+    if there == here.normal:
+        return False
+    n, end = plane_across(solid, to_surface, there, progress.slack)
     return begin_of(n, mesh.triangles, t) - end >= progress.limit
 
 
