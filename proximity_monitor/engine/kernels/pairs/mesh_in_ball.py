@@ -28,6 +28,7 @@ from ..tree.layout import WIDTH, radius_of, row
 from .beyond_plane import end_where_held, is_held_off
 from .in_ball import is_within
 from .mesh_nearer import LOOK, improve, nearest_points
+from .revolution_core import go_beside, is_core
 from .revolution_mesh import go_down, is_convex, is_due
 
 _STEPS = 48
@@ -119,6 +120,8 @@ def _look(surface, mesh, state):
 @implements(stubs.look_ahead, Dividing, SurfaceTree, MeshTree)
 @inlined
 def _look_ahead(waiting, surface, mesh, state):
+    if is_core(surface, mesh, state):
+        return go_beside(surface, mesh, state)
     if is_due(state.progress[0], surface):
         return _look(surface, mesh, state)
     if not _is_soon(state.progress[0]):

@@ -18,12 +18,12 @@ from ..base.state import Dividing
 from ..base.tables import has_profile, revolution_of
 from ..base.trees import MeshTree, SurfaceTree
 from ..base.vectors import along, dot, moved, moved_back, scaled, sub
-from ..elements.direction import begin_of
+from ..elements.direction import begin_of, take_direction
 from ..elements.primitives import corners
 from ..inside.nearest import Point, begin_nearest, nearest, point_triangle, walk
 from ..inside.visit import ROOM
 from ..revolution.places import place_of
-from ..revolution.triangle import foot_of, gradient_at, nearest_of_triangle
+from ..revolution.triangle import foot_of, gradient_at, nearest_of_triangle, normal_between
 from ..search import stubs
 from ..surface.facing import vector
 from ..surface.measure import measure_near
@@ -68,7 +68,7 @@ def is_convex(surface):
 
 
 @kernel
-def _frame_of(solid, motion, made):
+def frame_of(solid, motion, made):
     """Write the motion (12,) from a mesh's frame to that of a profile into `made`.
 
     `motion` leads to the frame of the profile's model.
@@ -81,6 +81,13 @@ def _frame_of(solid, motion, made):
                 axis[0] * motion[j] + axis[1] * motion[3 + j] + axis[2] * motion[6 + j]
             )
         made[9 + i] = dot(axis, sub((motion[9], motion[10], motion[11]), row(f, 3)))
+
+
+@inlined
+def _in_model(solid, v):
+    """Turn a vector of the profile's frame into the model's."""
+    f = solid.frame
+    return along(along(scaled(row(f, 0), v[0]), row(f, 1), v[1]), row(f, 2), v[2])
 
 
 @kernel
@@ -107,9 +114,12 @@ def _first_triangle(solid, mesh, motion, spare, found):
 
 
 @kernel
-def _keep(surface, mesh, state, solid, t, here, y, v, w):
-    """Keep a point of a triangle and the solid's point nearest to it, if none known is nearer."""
-    element, at = place_of(solid, here.piece, here.t, math.atan2(y[1], y[0]))
+def keep_nearest(surface, mesh, state, solid, t, piece, at, y, v, w):
+    """Keep a point of a triangle and the solid's nearest point, if none known is nearer.
+
+    The point is y in the profile's frame; the nearest point of the profile is on `piece`, at `at`.
+    """
+    element, at = place_of(solid, piece, at, math.atan2(y[1], y[0]))
     measure_near(surface, mesh, state, element, at, t, (1.0 - v - w, v, w), 0)
 
 
@@ -129,7 +139,7 @@ def go_down(surface, mesh, state, fresh):
             return steps
     solid = revolution_of(surface)
     motion, found = on_stack(12, 0.0), on_stack(WIDTH, np.float32(0.0))
-    _frame_of(solid, state.motions[0], motion)
+    frame_of(solid, state.motions[0], motion)
     spare = _GAIN * solid.frame[4, 0]
     t, weights = progress.element_b, vector(progress.weights_b)
     v, w = weights[1], weights[2]
@@ -144,9 +154,11 @@ def go_down(surface, mesh, state, fresh):
         )
         steps += DESCENT_STEPS
         before = progress.distance
-        _keep(surface, mesh, state, solid, t, here, y, v, w)
+        keep_nearest(surface, mesh, state, solid, t, here.piece, here.t, y, v, w)
         if not progress.slack < progress.distance < before:
             break
+        n = _in_model(solid, normal_between(here, triangle, v, w))
+        take_direction(progress, state.motions[0], n)
         steps += lay_plane(surface, mesh, state)
         if progress.open == 0:
             break
@@ -170,7 +182,7 @@ def _open_beside(surface, mesh, state, lane, bound, lows):
     child = np.int64(mesh.children[lane])
     motion = on_stack(12, 0.0)
     to_surface = state.motions[0]
-    _frame_of(solid, to_surface, motion)
+    frame_of(solid, to_surface, motion)
     spare = _GAIN * solid.frame[4, 0]
     if child < 0:
         for t in range(first_of(child), last_of(child) + 1):
@@ -221,8 +233,14 @@ def _is_farther(surface, mesh, state, solid, t, motion, to_surface, spare):
         progress.limit,
     )  # fmt: skip
     if here.distance < progress.distance:
-        _keep(surface, mesh, state, solid, t, here, y, v, w)
+        keep_nearest(surface, mesh, state, solid, t, here.piece, here.t, y, v, w)
     n, end = plane_across(solid, to_surface, here.normal, progress.slack)
+    if begin_of(n, mesh.triangles, t) - end >= progress.limit:
+        return True
+    there = normal_between(here, triangle, v, w)
+    if there == here.normal:
+        return False
+    n, end = plane_across(solid, to_surface, there, progress.slack)
     return begin_of(n, mesh.triangles, t) - end >= progress.limit
 
 

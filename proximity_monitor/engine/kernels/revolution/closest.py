@@ -105,7 +105,7 @@ def _least_on(curve, arc, rho, z, t):
 
 
 @kernel
-def _share_at(rows, degree, s):
+def share_at(rows, degree, s):
     """Return the share of a part's parameter range at about the share `s` of its length.
 
     If both end weights are equal, that is `s`. Else the part is reparametrised to make them equal,
@@ -141,7 +141,7 @@ def _divide(curve, arc, rho, z, t, distance, share, spare, margin):
             distance, t = (first, low) if first <= last else (last, high)
             distance += margin
         looks += 1
-        middle = low + _share_at(rows, curve.degree, 0.5) * (high - low)
+        middle = low + share_at(rows, curve.degree, 0.5) * (high - low)
         if looks > _PARTS or not low < middle < high:
             least = min(least, bound)
             continue
@@ -192,7 +192,7 @@ def nearest_on(tree, rho, z, margin, share, spare):
         curve, along = tree.curves[k], 0.5 * (1.0 + s)
         if curve.control[2] != curve.control[3 * curve.degree + 2]:
             put_part(curve, arc.low, arc.high, rows)
-            along = _share_at(rows, curve.degree, along)
+            along = share_at(rows, curve.degree, along)
         t = arc.low + along * (arc.high - arc.low)
         t, found = _newton(curve, arc.low, arc.high, rho, z, t)
         looks += 2

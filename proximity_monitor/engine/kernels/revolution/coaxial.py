@@ -199,7 +199,7 @@ def between_circles(arc_a, arc_b, motion):
     A point of one circle is no nearer to the other than the difference of the radii minus the
     distance of the centres. If the centres coincide, that is the distance of all points.
     """
-    round_ = arc_a.curve != NONE and min(abs(arc_a.sine), abs(arc_b.sine)) > _ROUND
+    round_ = arc_a.curve != NONE and is_round(arc_a) and is_round(arc_b)
     if not (round_ and (abs(motion[8]) > ALIKE or _is_ball(arc_a))):
         return -np.inf
     return _between_circles(arc_a, arc_b, motion)
@@ -214,7 +214,7 @@ def _is_ball(arc):
 
 @kernel
 def _between_circles(arc_a, arc_b, motion):
-    (x, z, radius_a), (rho, height, radius_b) = _circle(arc_a), _circle(arc_b)
+    (x, z, radius_a), (rho, height, radius_b) = circle_of(arc_a), circle_of(arc_b)
     between = abs(radius_b - radius_a) - arc_a.error - arc_b.error
     # First as for balls: move both centres onto the axes, and subtract how far they move.
     off, beside = _beside_axis(motion, height)
@@ -240,14 +240,14 @@ def in_ball(arc_a, arc_b, motion):
     ball is turned.
     """
     found = -np.inf
-    if abs(arc_b.sine) > _ROUND and _is_ball(arc_b):
-        x, z, radius = _circle(arc_b)
+    if is_round(arc_b) and _is_ball(arc_b):
+        x, z, radius = circle_of(arc_b)
         px, py, pz = to_a(motion, 0.0, 0.0, z)
         px, py, pz = px + motion[9], py + motion[10], pz + motion[11]
         far = _farthest(arc_a, np.sqrt(px * px + py * py), pz)
         found = radius - abs(x) - arc_b.error - far
-    if abs(arc_a.sine) > _ROUND and _is_ball(arc_a):
-        x, z, radius = _circle(arc_a)
+    if is_round(arc_a) and _is_ball(arc_a):
+        x, z, radius = circle_of(arc_a)
         px, py, pz = to_b(motion, (-motion[9], -motion[10], z - motion[11]))
         far = _farthest(arc_b, np.sqrt(px * px + py * py), pz)
         found = max(found, radius - abs(x) - arc_a.error - far)
@@ -265,15 +265,21 @@ def _farthest(arc, rho, z):
     low = np.sqrt((x - arc.half[0]) ** 2 + (y - arc.half[1]) ** 2)
     high = np.sqrt((x + arc.half[0]) ** 2 + (y + arc.half[1]) ** 2)
     far = max(low, high) + bulge(arc)
-    if abs(arc.sine) > _ROUND:
-        x, y, radius = _circle(arc)
+    if is_round(arc):
+        x, y, radius = circle_of(arc)
         x, y = x + rho, y - z
         far = min(far, np.sqrt(x * x + y * y) + radius)
     return far + arc.error
 
 
 @inlined
-def _circle(arc):
+def is_round(arc):
+    """Return whether an arc is bent so much that its circle is of use; see `circle_of`."""
+    return abs(arc.sine) > _ROUND
+
+
+@inlined
+def circle_of(arc):
     """Return the centre of a round arc, rho and z, and its radius; metres."""
     half = np.sqrt(arc.half[0] * arc.half[0] + arc.half[1] * arc.half[1])
     radius = half / abs(arc.sine)

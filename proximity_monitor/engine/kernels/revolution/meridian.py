@@ -23,7 +23,7 @@ Place = namedtuple("Place", "rho z across along margin")
 unit vectors in the model's frame from the axis to the point (`across`) and around the axis
 (`along`); and by how much all that is computed from these may err, metres."""
 
-_MARGIN = 256.0 * DOUBLE_EPS
+MARGIN = 256.0 * DOUBLE_EPS
 """The margin of a Place, as a share of P, the length that errors of arcs are a share of, and of the
 point's distance from the frame's origin. Points of pieces err by 120 u P (see arcs.py), the
 coordinates of the point in the frame by less than 16 u of its distance, a distance between both by
@@ -59,7 +59,7 @@ def place_in(tree, p, way):
     ex, ey = _row(frame, 0), _row(frame, 1)
     x, y, z = dot(d, ex), dot(d, ey), dot(d, _row(frame, 2))
     rho = np.sqrt(x * x + y * y)
-    margin = _MARGIN * (frame[4, 0] + norm(d))
+    margin = MARGIN * (frame[4, 0] + norm(d))
     c, s = x, y
     if not rho > 0.0:
         c, s = dot(way, ex), dot(way, ey)

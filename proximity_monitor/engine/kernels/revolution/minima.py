@@ -13,11 +13,15 @@ from ..base.vectors import moved, norm, sub
 from ..elements.primitives import keep
 from ..surface.edges import point_on
 from .guess import near_samples
-from .newton import nearest_at_ends, nearest_rings
+from .newton import nearest_at_ends, nearest_rings, to_a
 from .places import place_of, spot_of, turning_point
+from .profile import jet_of
 
 MINIMA = 16
 """Minima that are remembered, at most."""
+
+_SURE = 0.999
+"""Cosine between the normal of a piece and the kept direction above which both are taken as one."""
 
 SMALL = 0.6
 """Largest half angle of a sector, radians, whose minimum is looked for however far it is."""
@@ -85,6 +89,33 @@ def _take_plane(tree_a, state, p):
 
 
 @kernel
+def _take_normal(curve_a, curve_b, progress, motion, s, t, angle):
+    """Make the kept direction the normal of a straight piece, if the nearest point is inside one.
+
+    Rounding tilts the way between two near points, which costs much along a straight piece.
+    """
+    kept = progress.along
+    if curve_a.degree == 1 and 0.0 < s < 1.0:
+        _, (x, z), _ = jet_of(curve_a, s)
+        n, m, ex, ey = -z, x, kept[2], kept[3]
+    elif curve_b.degree == 1 and 0.0 < t < 1.0:
+        _, (x, z), _ = jet_of(curve_b, t)
+        x, y, m = to_a(motion, -z * math.cos(angle), -z * math.sin(angle), x)
+        n = np.sqrt(x * x + y * y)
+        if not n > 0.0:
+            return
+        ex, ey = x / n, y / n
+        if ex * kept[2] + ey * kept[3] < 0.0:
+            n, ex, ey = -n, -ex, -ey
+    else:
+        return
+    length, along = np.sqrt(n * n + m * m), n * kept[0] + m * kept[1]
+    if abs(along) > _SURE * length:
+        length = length if along > 0.0 else -length
+        kept[0], kept[1], kept[2], kept[3] = n / length, m / length, ex, ey
+
+
+@kernel
 def _keep_points(tree_a, tree_b, state, motion, a, b, s, t, angle):
     """Keep two points, as points of their patches, if they are nearer than those before."""
     element_b, wb = place_of(tree_b, b, t, angle)
@@ -96,6 +127,7 @@ def _keep_points(tree_a, tree_b, state, motion, a, b, s, t, angle):
     if norm(way) < state.progress[0].distance:
         keep(state, norm(way), element_a, element_b, wa, wb, way)
         _take_plane(tree_a, state, p)
+        _take_normal(tree_a.curves[a], tree_b.curves[b], state.progress[0], motion, s, t, angle)
 
 
 @inlined
@@ -129,6 +161,11 @@ def keep_same(tree_a, tree_b, state):
     way = sub(moved(state.motions[0], q), p)
     keep(state, norm(way), a, b, wa, wb, way)
     _take_plane(tree_a, state, p)
+    motion = on_stack(12, 0.0)
+    relative(tree_a, tree_b, state.motions[0], motion)
+    a, s, _ = spot_of(tree_a, a, progress.weights_a)
+    b, t, angle = spot_of(tree_b, b, progress.weights_b)
+    _take_normal(tree_a.curves[a], tree_b.curves[b], progress, motion, s, t, angle)
 
 
 @kernel

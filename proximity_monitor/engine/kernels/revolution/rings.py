@@ -18,8 +18,9 @@ from ..base.jit import inlined, kernel, shared
 from ..base.memory import on_stack
 from ..base.state import CELLS_FULL, CUT, ENDED
 from ..base.trees import NONE
+from .arcs import ROUNDING
 from .around import part_around
-from .bound import facing, half_of, sags, sector_of
+from .bound import facing, half_of, normal_of_a, normal_of_b, sags, sector_of
 from .bounded import MINIMUM_STEPS, fineness, gap_along, halves_of, part_off, prove
 from .front import begin_front, end_front, keep_ring
 from .heap import drop_ring
@@ -81,6 +82,8 @@ def _take_apart(tree_a, tree_b, state, motion):
     # Halve what is farthest from straight: for straight chords at one angle the bounds are exact.
     short = _SHORT * (tree_a.scale[2] + tree_b.scale[2])
     long_a, long_b, around = sags(arc_a, arc_b, sector, half, motion)
+    long_a -= ROUNDING * tree_a.frame[4, 0]  # rounding is no less if an arc is halved
+    long_b -= ROUNDING * tree_b.frame[4, 0]
     of_a = of_b = np.int64(NONE)
     while max(long_a, long_b, around) > short:
         if around >= max(long_a, long_b):
@@ -142,7 +145,15 @@ def _along_own(tree_a, tree_b, state, motion, a, b, angle, half, sector):
     if not apart > 0.0:
         return -np.inf
     n, fine = (way[0] / apart, way[1] / apart), fineness(state.progress[0])
-    return gap_along(tree_a, tree_b, state, a, b, sector, motion, n, (x, y), fine)
+    bound = gap_along(tree_a, tree_b, state, a, b, sector, motion, n, (x, y), fine)
+    # Rounding tilts that direction by its share of the distance, which is much for long arcs that
+    # are near each other. The normals of the arcs are exact.
+    there = normal_of_a(arc_a, n)
+    least = gap_along(tree_a, tree_b, state, a, b, sector, motion, there, (x, y), fine)
+    own = sector_of(found.angle, 0.0)
+    there, beside = normal_of_b(arc_b, own, 0.0, 0.0, motion, n, (x, y))
+    other = gap_along(tree_a, tree_b, state, a, b, sector, motion, there, beside, fine)
+    return max(bound, max(least, other))
 
 
 @inlined

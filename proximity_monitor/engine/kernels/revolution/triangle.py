@@ -18,14 +18,15 @@ from collections import namedtuple
 import numpy as np
 
 from ..base.jit import kernel
-from ..base.vectors import along, dot, sub
+from ..base.precise import accurate_cross
+from ..base.vectors import along, dot, norm, scaled, sub
 from .closest import nearest_on
 from .profile import jet_of
 
-Reach = namedtuple("Reach", "distance normal across around bend turn piece t")
+Reach = namedtuple("Reach", "distance normal across around bend turn piece t corner")
 """How far a point is from a solid, metres: `normal` is the gradient n, `across` is m, `around` the
 unit vector around the axis; `bend` and `turn` are the second derivatives along m and around, 1/m;
-`piece` and `t` tell where the profile is nearest."""
+`piece` and `t` tell where the profile is nearest, and whether that is a `corner` of it."""
 
 _STEPS, _LEAST, _MOST = 16, 0.1, 0.8
 """Steps of Newton's method; the least and the largest share to which a step that does not lead
@@ -37,6 +38,16 @@ says."""
 
 _CORNER = 1e-9
 """Cosine between the tangent and the gradient above which the end of a piece counts as a corner."""
+
+_SURE = 0.99
+"""Cosine between the profile's normal and the way to the point above which the two are taken to be
+one."""
+
+_ALIKE = 0.99
+"""The same for a normal of a triangle or an edge."""
+
+_SLIM = 1e-6
+"""Square of the sine of an edge and the profile's tangent below which they count as parallel."""
 
 _FLAT = 1e-12
 """Share of the product of both second derivatives that their determinant has to exceed."""
@@ -60,16 +71,21 @@ def gradient_at(tree, y, spare):
     nr, nz = dr * per, dz * per
     speed = np.sqrt(r1 * r1 + z1 * z1)
     at_end = not 0.0 < t < 1.0
-    if at_end and abs(r1 * nr + z1 * nz) > _CORNER * speed:
+    corner = at_end and abs(r1 * nr + z1 * nz) > _CORNER * speed
+    if corner:
         bend = per
     else:
+        if abs(r1 * nz - z1 * nr) > _SURE * speed:
+            # Rounding does not tilt the normal of the profile, however near the point is.
+            way = speed if r1 * nz > z1 * nr else -speed
+            nr, nz = -z1 / way, r1 / way
         c = (r2 * nr + z2 * nz) / (speed * speed) if speed > 0.0 else 0.0
         room = 1.0 - c * length
         bend = max(-c / room, 0.0) if room > 0.0 else per
     ex, ey = (y[0] / rho, y[1] / rho) if rho > 0.0 else (1.0, 0.0)
     turn = max(nr / rho, 0.0) if rho > 0.0 else bend
     normal, across = (nr * ex, nr * ey, nz), (-nz * ex, -nz * ey, nr)
-    return Reach(length, normal, across, (-ey, ex, 0.0), bend, turn, piece, t)
+    return Reach(length, normal, across, (-ey, ex, 0.0), bend, turn, piece, t, corner)
 
 
 @kernel
@@ -151,3 +167,38 @@ def nearest_of_triangle(tree, triangle, v, w, spare, rel_err, abs_err, limit):
             share = min(max(share, _LEAST), _MOST)
             dv, dw = share * dv, share * dw
     return here, y, v, w
+
+
+@kernel
+def normal_between(here, triangle, v, w):
+    """Return a unit vector between a triangle's point at v and w and a solid, as exact as possible.
+
+    The way between two near points is tilted by rounding, which costs much along a long edge. The
+    normal of a face is not; nor is that of an edge and the profile's tangent, or of an edge alone
+    if a corner of the profile is near it. Returns `here.normal` at the triangle's corners.
+    """
+    a, b, c = triangle
+    u = 1.0 - v - w
+    if v > 0.0 and w > 0.0 and u > 0.0:
+        n = accurate_cross(sub(b, a), sub(c, a))
+    else:
+        if u > 0.0 and v > 0.0:
+            edge = sub(b, a)
+        elif u > 0.0 and w > 0.0:
+            edge = sub(c, a)
+        elif v > 0.0 and w > 0.0:
+            edge = sub(c, b)
+        else:
+            return here.normal
+        n = (0.0, 0.0, 0.0)
+        if not here.corner:
+            n = accurate_cross(edge, here.across)
+        if not dot(n, n) > _SLIM * dot(edge, edge):  # it is along the profile, or at a corner
+            n, per = here.normal, 1.0 / max(dot(edge, edge), 1e-300)
+            for _ in range(2):  # the second time removes what rounding has left
+                n = along(n, edge, -per * dot(n, edge))
+    length = norm(n)
+    turned = dot(n, here.normal)
+    if not abs(turned) > _ALIKE * length:
+        return here.normal
+    return scaled(n, (1.0 if turned > 0.0 else -1.0) / length)

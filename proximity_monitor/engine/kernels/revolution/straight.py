@@ -1,0 +1,180 @@
+"""A segment beside a solid of revolution: proof that no point of it is near, or where one is.
+
+In the half-plane (rho, z) of its points a segment is a convex curve: rho is the root of a square of
+s, its share. So a part of it is below its chord, and above both its tangents at the ends. Pairs of
+a fat arc and a part of the segment are bounded by the distance of their chords, less how far both
+are from these. Halving either reduces that four times. For an arc of a circle with the centre c and
+the radius r two bounds are exact. With u from c to a point of the arc, no point p is nearer to it
+than |p - c| - r, nor than r - u . (p - c).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..base.jit import inlined, kernel
+from ..base.memory import on_stack, table_on_stack
+from ..base.rounding import DOUBLE_EPS
+from ..base.trees import NONE
+from ..base.vectors import norm
+from .closest import share_at
+from .coaxial import circle_of, is_round
+from .meridian import chord_of, from_segment, thickness
+from .reach import most_in
+
+FAR, NEARER, OPEN = 0, 1, 2
+"""No point of a segment is nearer than the limit; one is; neither is proven."""
+
+_STACK, _LOOKS = 256, 8192
+"""Room for pairs that wait, and the most pairs that are looked at."""
+
+_MARGIN = 512.0 * DOUBLE_EPS
+"""What rounding may do to a bound, as a share of P, the length that errors of arcs are a share of,
+and of the segment's coordinates. Points of pieces err by 120 u P (see arcs.py), points of the
+segment by less than 16 u of its coordinates, distances and sums by less than 32 u of both."""
+
+_SLOPE = 16.0 * DOUBLE_EPS
+"""Error of a slope, as a share of the segment's coordinates, its length and its inverse rho."""
+
+_SHORT = 64.0 * DOUBLE_EPS
+"""What is below this share of P and the segment's coordinates is not worth another halving."""
+
+
+@inlined
+def _sag(p, h, s0, s1, rho0, rho1, off, size):
+    """Return how far a part of a segment is from its chord in the half-plane, at most; metres.
+
+    Between two tangents a convex curve is below its chord by at most a quarter of the part times
+    the difference of the slopes. It is also between the lines of slope |h| from the foot of the
+    axis and from `off` above it, so it is below its chord by at most `off`.
+    """
+    steep = np.sqrt(h[0] * h[0] + h[1] * h[1])
+    if not steep > 0.0:
+        return 0.0
+    low, high, error = -steep, steep, _SLOPE * size * steep
+    if rho0 > 0.0:
+        slope = ((p[0] + s0 * h[0]) * h[0] + (p[1] + s0 * h[1]) * h[1]) / rho0
+        low = max(low, slope - error / rho0)
+    if rho1 > 0.0:
+        slope = ((p[0] + s1 * h[0]) * h[0] + (p[1] + s1 * h[1]) * h[1]) / rho1
+        high = min(high, slope + error / rho1)
+    return min(0.25 * (s1 - s0) * max(high - low, 0.0), off)
+
+
+@kernel
+def _between(x0, z0, x1, z1, r0, w0, r1, w1):
+    """Return the distance of two segments of a plane, and where it is on the second, 0 to 1.
+
+    If they cross, a pair of ends that seems to be beside a line is as near to it as rounding.
+    """
+    hx, hz, gx, gz = x1 - x0, z1 - z0, r1 - r0, w1 - w0
+    first = hx * (w0 - z0) - hz * (r0 - x0)
+    last = hx * (w1 - z0) - hz * (r1 - x0)
+    if first * last < 0.0:
+        one = gx * (z0 - w0) - gz * (x0 - r0)
+        other = gx * (z1 - w0) - gz * (x1 - r0)
+        if one * other < 0.0:
+            return 0.0, first / (first - last)
+    best, share = from_segment(r0, w0, x0, z0, x1, z1), 0.0
+    apart = from_segment(r1, w1, x0, z0, x1, z1)
+    if apart < best:
+        best, share = apart, 1.0
+    square = gx * gx + gz * gz
+    for k in range(2):
+        x, z = (x0, z0) if k == 0 else (x1, z1)
+        apart = from_segment(x, z, r0, w0, r1, w1)
+        if apart < best:
+            best, share = apart, 0.0
+            if square > 0.0:
+                share = min(max(((x - r0) * gx + (z - w0) * gz) / square, 0.0), 1.0)
+    return best, share
+
+
+@inlined
+def _from_circle(arc, r0, w0, r1, w1):
+    """Return a bound of the distance of a round arc and a segment of the half-plane, metres."""
+    x, z, radius = circle_of(arc)
+    outside = from_segment(x, z, r0, w0, r1, w1) - radius
+    half = np.sqrt(arc.half[0] * arc.half[0] + arc.half[1] * arc.half[1])
+    side = 1.0 if arc.sine > 0.0 else -1.0
+    sector = (
+        -side * arc.half[1] / half, side * arc.half[0] / half, arc.cosine, abs(arc.sine)
+    )  # fmt: skip
+    far = max(most_in(sector, r0 - x, w0 - z), most_in(sector, r1 - x, w1 - z))
+    return max(outside, radius - far) - arc.error
+
+
+@inlined
+def _put(stack, parts, top, i, low, high, s0, s1):
+    """Put a pair on the stack: arc i, or the part of the piece ~i from low to high; s0 to s1."""
+    stack[top] = i
+    parts[top, 0], parts[top, 1], parts[top, 2], parts[top, 3] = low, high, s0, s1
+
+
+@kernel
+def segment_beside(tree, p, h, limit):
+    """Look for a point p + s h, 0 <= s <= 1, nearer to a solid's boundary than `limit` metres.
+
+    Returns FAR if there is certainly none, NEARER if there is one, else OPEN; the s near which to
+    look for it; and how many pairs of arcs and parts were bounded. All is in the profile's frame.
+    """
+    arcs, rows = tree.arcs, table_on_stack(16, 3, 0.0)
+    stack, parts = on_stack(_STACK, np.int32(0)), table_on_stack(_STACK, 4, 0.0)
+    size = norm(p) + norm(h) + tree.frame[4, 0]
+    margin, short = _MARGIN * size, _SHORT * size
+    # Cut the segment where it is nearest to the axis: rho grows on either side.
+    square = h[0] * h[0] + h[1] * h[1]
+    foot = 0.0
+    if square > 0.0:
+        foot = min(max(-(p[0] * h[0] + p[1] * h[1]) / square, 0.0), 1.0)
+    x, y = p[0] + foot * h[0], p[1] + foot * h[1]
+    off = np.sqrt(x * x + y * y) + 16.0 * DOUBLE_EPS * size
+    _put(stack, parts, 0, 0, 0.0, 0.0, 0.0, foot)
+    _put(stack, parts, 1, 0, 0.0, 0.0, foot, 1.0)
+    top, looks = 2, 0
+    while top > 0:
+        top -= 1
+        i, low, high = np.int64(stack[top]), parts[top, 0], parts[top, 1]
+        s0, s1 = parts[top, 2], parts[top, 3]
+        x, y = p[0] + s0 * h[0], p[1] + s0 * h[1]
+        r0, w0 = np.sqrt(x * x + y * y), p[2] + s0 * h[2]
+        x, y = p[0] + s1 * h[0], p[1] + s1 * h[1]
+        r1, w1 = np.sqrt(x * x + y * y), p[2] + s1 * h[2]
+        sag = _sag(p, h, s0, s1, r0, r1, off, size)
+        rounded = -np.inf
+        if i >= 0:
+            arc = arcs[i]
+            x0, z0 = arc.middle[0] - arc.half[0], arc.middle[1] - arc.half[1]
+            x1, z1 = arc.middle[0] + arc.half[0], arc.middle[1] + arc.half[1]
+            thick = thickness(arc)
+            if is_round(arc):
+                rounded = _from_circle(arc, r0, w0, r1, w1)
+        else:
+            x0, z0, x1, z1, thick = chord_of(tree.curves[~i], low, high, rows)
+        apart, share = _between(x0, z0, x1, z1, r0, w0, r1, w1)
+        looks += 1
+        if max(apart - thick, rounded) - sag - margin >= limit:
+            continue
+        s = s0 + share * (s1 - s0)
+        if apart + thick + sag + margin < limit:
+            return NEARER, s, looks
+        if looks == _LOOKS or top + 2 > _STACK or max(thick, sag) <= short:
+            return OPEN, s, looks
+        if sag > thick:
+            middle = 0.5 * (s0 + s1)
+            _put(stack, parts, top, i, low, high, s0, middle)
+            _put(stack, parts, top + 1, i, low, high, middle, s1)
+        elif i < 0:
+            middle = low + share_at(rows, tree.curves[~i].degree, 0.5) * (high - low)
+            if not low < middle < high:
+                return OPEN, s, looks
+            _put(stack, parts, top, i, low, middle, s0, s1)
+            _put(stack, parts, top + 1, i, middle, high, s0, s1)
+        elif arcs[i].child != NONE:
+            _put(stack, parts, top, np.int64(arcs[i].child), 0.0, 0.0, s0, s1)
+            _put(stack, parts, top + 1, np.int64(arcs[i].child) + 1, 0.0, 0.0, s0, s1)
+        else:  # from here on, the part of the piece that the arc is around
+            _put(stack, parts, top, ~np.int64(arcs[i].curve), arcs[i].low, arcs[i].high, s0, s1)
+            top -= 1
+        top += 2
+    return FAR, 0.0, looks
