@@ -29,6 +29,7 @@ from proximity_monitor.display.signs import (
 )
 from proximity_monitor.display.state import BOUNDED, STALE, STOP, WARN, Frame, Pairs, SceneInfo
 from proximity_monitor.display.unlisted import Unlisted, unlisted
+from proximity_monitor.scene.naming import counted
 
 
 class ConnectionState(enum.Enum):
@@ -95,7 +96,7 @@ def connection(news: News, now_s: float) -> Connection:
         return Connection(ConnectionState.STALE, f"no recent pose: {named}{more}")
     bounded = int((news.frame.pairs.status == BOUNDED).sum())
     if bounded:
-        what = "1 pair is" if bounded == 1 else f"{bounded} pairs are"
+        what = counted(bounded, "pair is", "pairs are")
         return Connection(ConnectionState.COMPUTING, f"{what} not exact yet: bounds are shown")
     return Connection(ConnectionState.LIVE, "the numbers match the present poses")
 
@@ -191,7 +192,7 @@ def banner(
         name, figures = _told(pairs, shown[0], scene)
         return _boxed(sign(pairs, shown[0], scene), when + name, figures, more=more)
     if len(hidden):
-        count = f"{len(hidden)} hidden pair{'s are' if len(hidden) > 1 else ' is'} not clear"
+        count = f"{counted(len(hidden), 'hidden pair is', 'hidden pairs are')} not clear"
         first = sign(pairs, hidden[0], scene)
         name, figures = _told(pairs, hidden[0], scene)
         return _boxed(HIDDEN_SIGN, f"{when}{count}:", figures, lead=f"{first.word} {name}")

@@ -25,6 +25,7 @@ from proximity_monitor.display.signs import (
 )
 from proximity_monitor.display.state import STALE, STOP, UNKNOWN, WARN, Pairs, SceneInfo
 from proximity_monitor.display.unlisted import Unlisted, unlisted
+from proximity_monitor.scene.naming import counted
 
 FULL_ROWS = 100
 """How many rows have all details; later rows take one line each."""
@@ -64,7 +65,7 @@ def table(
     body, count = [], 0
     for title, rows in found.groups:
         if title:
-            many = f"{len(rows)} pair{'s' if len(rows) > 1 else ''}"
+            many = counted(len(rows), "pair", "pairs")
             body.append(f"<tr class=pm-group><td colspan=4>{escape(title)}: {many}</td></tr>")
         for i in rows:
             count += 1
@@ -160,16 +161,18 @@ def _rest(pairs: Pairs, found: Listing, left: Unlisted) -> str:
     if len(pairs) and not any(rows for _, rows in found.groups):
         more.append("search, filter and hiding leave no pair to list")
     if found.more_clear:
-        more.append(f"{found.more_clear} more clear pairs: search for them")
+        one, many = "more clear pair: search for it", "more clear pairs: search for them"
+        more.append(counted(found.more_clear, one, many))
     if found.clear_left_out:
-        more.append(f"{found.clear_left_out} clear pairs are left out by the filter")
+        many = counted(found.clear_left_out, "clear pair is", "clear pairs are")
+        more.append(f"{many} left out by the filter")
     more += left.lines
     told = f"<div class='pm-small pm-dim'>{'; '.join(more)}</div>" if more else ""
     if wrong:
-        are = "pair is" if wrong == 1 else "pairs are"
         told += (
             f'<div id="pm-left-out" class="pm-press pm-unproved" {word("unfilter:")}>'
-            f"{wrong} {are} not clear and left out by the filter: press to list all</div>"
+            f"{counted(wrong, 'pair is', 'pairs are')} not clear and left out by the filter:"
+            " press to list all</div>"
         )
     return told
 

@@ -19,6 +19,7 @@ from proximity_monitor.display.state import OVERLAPPING, Frame, SceneInfo
 from proximity_monitor.display.style import STYLE
 from proximity_monitor.display.unlisted import reason, sign_of
 from proximity_monitor.display.view import View
+from proximity_monitor.scene.naming import counted
 
 CONTROLS = "56px"
 """Height of the controls below the report: play, pause and seek."""
@@ -107,6 +108,7 @@ def report(scene: SceneInfo, session: Session, last: Frame, played: str) -> str:
         )
     rows.sort(key=lambda row: row[0])
     start, end = session.span_s
+    many = counted(len(rows), "pair that was", "pairs that were")
     if session.thinned_s is not None:
         played += f", thinned to one in {session.thinned_s:.1f} s"
     return (
@@ -114,7 +116,7 @@ def report(scene: SceneInfo, session: Session, last: Frame, played: str) -> str:
         f"bottom:{CONTROLS};max-height:40vh;overflow:auto;background:#fffe;color:#222;"
         "padding:8px 12px;"
         'border:1px solid #8886;border-radius:6px;z-index:10">'
-        f"<summary><b>{escape(scene.name)}</b>: {len(rows)} pairs that were listed,"
+        f"<summary><b>{escape(scene.name)}</b>: {many} listed,"
         f" {end - start:.1f} s (plays {played}), nearest first</summary>"
         "<table class=pm-table><tr><th>pair</th>"
         "<th class=pm-num>smallest</th><th class=pm-num>at</th><th class=pm-num>at the end</th>"

@@ -19,6 +19,7 @@ from proximity_monitor.display.order import kind_of
 from proximity_monitor.display.signs import Sign, clearance, length, number, sign
 from proximity_monitor.display.snapshot import Snapshot
 from proximity_monitor.display.state import Frame, SceneInfo, Unit
+from proximity_monitor.scene.naming import counted
 
 PICTURES = 40
 """How many conflicts have a picture, the worst first."""
@@ -74,10 +75,10 @@ def report_html(
     start, end = span_s
     limits = scene.thresholds
     made = datetime.now(UTC).isoformat(" ", "seconds")[:-6]
-    watched = _counted(scene.pairs, "pair is", "pairs are")
-    count = _counted(len(found), "conflict", "conflicts")
+    watched = counted(scene.pairs, "pair is", "pairs are")
+    count = counted(len(found), "conflict", "conflicts")
     rest = len(found) - len(pictures)
-    without = f" {_counted(rest, 'has', 'have')} no picture." if rest else ""
+    without = f" {counted(rest, 'has', 'have')} no picture." if rest else ""
     told = [
         _HEAD,
         f"<title>Conflicts of {escape(scene.name)}</title></head><body>",
@@ -184,10 +185,6 @@ def _bounds(lower: float | None, upper: float | None, unit: Unit) -> str:
     return f" at {f'{low} … ' if low not in ('', high) else ''}{high} {unit.symbol}"
 
 
-def _counted(count: int, one: str, many: str) -> str:
-    return f"{count} {one if count == 1 else many}"
-
-
 def _shown(shown: Sign) -> str:
     return f"<b>{shown.glyph} {escape(shown.word)}</b>"
 
@@ -210,7 +207,7 @@ def _events(
     more = len(conflict.events) - EVENTS
     rest = ""
     if more > 0:
-        left = _counted(more, "older change is", "older changes are")
+        left = counted(more, "older change is", "older changes are")
         rest = f"<p class=dim>{left} left out.</p>"
     return (
         f"<table><tr><th>moment</th><th>change</th><th class=n>lower [{unit.symbol}]</th>"
