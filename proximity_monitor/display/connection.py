@@ -220,21 +220,21 @@ class _Figures(NamedTuple):
 
     number: str
     how: str = ""
-    limit: str = ""
+    threshold: str = ""
 
 
 def _told(pairs: Pairs, i: int, scene: SceneInfo) -> tuple[str, _Figures]:
     """Return a pair's name and its figures."""
-    level, limits = pairs.level[i], scene.thresholds_of(pairs.names[i])
+    level, thresholds = pairs.level[i], scene.thresholds_of(pairs.names[i])
     a, b = pairs.names[i]
     if level == STALE:
         return f"{a} - {b}:", _Figures("", pairs.silent[i])
-    said, how, limit = clearance(pairs, i, scene.unit), "", ""
+    said, how, threshold = clearance(pairs, i, scene.unit), "", ""
     if level in (STOP, WARN):
-        at, name = (limits.stop, "stop") if level == STOP else (limits.warn, "warn")
+        at, name = (thresholds.stop, "stop") if level == STOP else (thresholds.warn, "warn")
         how = "not proved above" if unproved(pairs, i, scene) else ""
-        said, limit = f"{said},", f"{name} at {length(at, scene.unit)}"
-    return f"{a} - {b}:", _Figures(said, how, limit)
+        said, threshold = f"{said},", f"{name} at {length(at, scene.unit)}"
+    return f"{a} - {b}:", _Figures(said, how, threshold)
 
 
 def _boxed(
@@ -246,7 +246,7 @@ def _boxed(
     if figures is not None:
         kind = "pm-cut"
         words = (("pm-cut", lead), ("pm-on", figures.number), ("pm-cut", figures.how),
-                 ("pm-on", figures.limit))  # fmt: skip
+                 ("pm-on", figures.threshold))  # fmt: skip
         told = "".join(f"<span class={c}>{escape(each)}</span>" for c, each in words if each)
         told = f"<span class=pm-figures>{told}</span>"
     title = " ".join(filter(None, (text, lead, *(figures or ()))))

@@ -21,7 +21,6 @@ from proximity_monitor.display.holds import Hand
 from proximity_monitor.display.inbox import News
 from proximity_monitor.display.inspection import Inspect
 from proximity_monitor.display.labels import Labels
-from proximity_monitor.display.limits import LimitsPanel
 from proximity_monitor.display.lines import Lines
 from proximity_monitor.display.listing import Filters
 from proximity_monitor.display.matrix import matrix
@@ -32,6 +31,7 @@ from proximity_monitor.display.player_panel import PlayerPanel
 from proximity_monitor.display.portraits import Portraits, Sitting
 from proximity_monitor.display.report_files import ReportFiles
 from proximity_monitor.display.save import Save
+from proximity_monitor.display.settings import SettingsPanel
 from proximity_monitor.display.shared import Shared, Shown
 from proximity_monitor.display.state import Frame, SceneInfo
 from proximity_monitor.display.style import STYLE
@@ -93,8 +93,8 @@ class Page:
             self._add_list(gui)
         with tabs.add_tab("Move", viser.Icon.HAND_MOVE):
             self._move = Move(client, self.hand, self._choice, shared.ask)
-        with tabs.add_tab("Limits", viser.Icon.ADJUSTMENTS):
-            self._limits = LimitsPanel(gui, self._choice, shared.tried, shared.ask)
+        with tabs.add_tab("Settings", viser.Icon.ADJUSTMENTS):
+            self._settings = SettingsPanel(gui, self._choice, shared.tried, shared.ask)
         picking.listen(client.scene, lambda: self._parts, self._inspect.plane, self._on_pick)
         over_time = gui.add_panel()
         plot = over_time.add_tab("Clearance", viser.Icon.CHART_LINE)
@@ -175,7 +175,7 @@ class Page:
         if now_s >= self._due_s:
             self._due_s = now_s + TABLE_S
             self._banner.content = banner(news.frame, scene, choice, told, left)
-            self._limits.show(scene, news.health, news.refusal, now_s)
+            self._settings.show(scene, news.health, news.refusal, now_s)
             self._deciding.show(frame.pairs, scene)
             if told.current:
                 self._beat.show(news.frame, patience_s(scene) - (now_s - news.frame_at_s))

@@ -84,7 +84,7 @@ def report(scene: SceneInfo, session: Session, last: Frame, played: str) -> str:
     unit, pairs = scene.unit, last.pairs
     rows = []
     for a, b in dict.fromkeys((*pairs.names, *session.pairs)):
-        found, limits = session.worst((a, b)), scene.thresholds_of((a, b))
+        found, thresholds = session.worst((a, b)), scene.thresholds_of((a, b))
         i = pairs.places.get((a, b))
         if i is None:
             shown, end = sign_of((a, b), pairs, scene), reason((a, b), pairs, scene)
@@ -102,8 +102,8 @@ def report(scene: SceneInfo, session: Session, last: Frame, played: str) -> str:
                 f"<td class=pm-num>{smallest}</td><td class=pm-num>{when}</td>"
                 f"<td class=pm-num>{end}</td>"
                 f'<td class=pm-sign style="color:{shown.colour}">{shown.glyph} {shown.word}</td>'
-                f"<td class=pm-num>{length(limits.warn, unit)}</td>"
-                f"<td class=pm-num>{length(limits.stop, unit)}</td></tr>",
+                f"<td class=pm-num>{length(thresholds.warn, unit)}</td>"
+                f"<td class=pm-num>{length(thresholds.stop, unit)}</td></tr>",
             )
         )
     rows.sort(key=lambda row: row[0])

@@ -125,7 +125,7 @@ def test_thresholds_of_such_a_pair_are_set_by_the_sliders(page, wait):
     press(page, f"#pm-pairs .pm-row:has-text('{CHINESE}')")
     wait(lambda: page.locator(CHOSEN).count() == 1, "the pair to be highlighted")
     pair = page.locator(CHOSEN).get_attribute("data-pair")
-    tab(page, "Limits")
+    tab(page, "Settings")
     wait(lambda: page.get_by_text(f"of {pair}", exact=True).count(), "its own thresholds")
     enter(page, "warn [mm]", "7", 1)
     bar = page.locator(f"{CHOSEN} .pm-bar")

@@ -181,10 +181,10 @@ def test_what_was_tried_in_one_scene_is_not_told_in_another(page):
     times = {"search_p50_ms": "1.25", "search_p99_ms": "2.5", "message": ""}
     for _ in range(3):
         page.tell(health=Health(times))
-    assert "Search now: 1.25 ms" in words(page.all._limits._cost)
-    assert "1.25 2.50 0.000 mm 0" in words(page.all._limits._cost)
+    assert "Search now: 1.25 ms" in words(page.all._settings._cost)
+    assert "1.25 2.50 0.000 mm 0" in words(page.all._settings._cost)
     page.tell(scene=replace(SCENE, name="another"), health=Health(times))
-    told = words(page.all._limits._cost)
+    told = words(page.all._settings._cost)
     assert "1.25 ms a tick" in told
     assert "1.25 2.50" not in told.split("tried in this scene")[1]
 
