@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from html import escape
 
@@ -20,7 +21,7 @@ from proximity_monitor.display.fresh import Beat, patience_s
 from proximity_monitor.display.holds import Hand
 from proximity_monitor.display.inbox import News
 from proximity_monitor.display.inspection import Inspect
-from proximity_monitor.display.labels import Labels
+from proximity_monitor.display.labels import Label, Labels
 from proximity_monitor.display.lines import Lines
 from proximity_monitor.display.listing import Filters
 from proximity_monitor.display.matrix import matrix
@@ -72,6 +73,7 @@ class Page:
         self._parts: Parts | None = None
         self._lines: Lines | None = None
         self._labels: Labels | None = None
+        self._numbers: Sequence[Label] | None = None  # of the list's tick; None: to be renewed
         self._session_number = self._session.number
         self._drawn: tuple = ()
         self._listed: tuple = ()
@@ -167,26 +169,30 @@ class Page:
 
     def _show(self, news: News, told: Connection, now_s: float, sitting: Sitting | None) -> None:
         scene, frame, choice = news.scene, self._shown.frame, self._choice
+        left = unlisted(news.frame.pairs, scene, news.health)
+        left_then = left
+        if choice.at_s is not None:  # the reasons at that moment were not kept
+            left_then = unlisted(frame.pairs, scene, None)
+        listed = (frame, scene, self._decisions.all, replace(choice), left_then)
+        # Only a changed list delays the next update, so that a new tick is shown at once.
+        anew = now_s >= self._table_due_s and listed != self._listed
+        if anew:
+            self._numbers = None
         self._draw(frame, scene, sitting)
         if not self._all_placed and frame.poses[:, 3:].any(axis=1).all():
             self._look_at_all(frame)
         self._inspect.show(scene, frame, news.parts, now_s, sitting)
-        left = unlisted(news.frame.pairs, scene, news.health)
-        if now_s >= self._due_s:
+        if now_s >= self._due_s or anew:
             self._due_s = now_s + TABLE_S
             self._banner.content = banner(news.frame, scene, choice, told, left)
             self._settings.show(scene, news.health, news.refusal, now_s)
             self._deciding.show(frame.pairs, scene)
             if told.current:
                 self._beat.show(news.frame, patience_s(scene) - (now_s - news.frame_at_s))
-        if choice.at_s is not None:  # the reasons at that moment were not kept
-            left = unlisted(frame.pairs, scene, None)
-        listed = (frame, scene, self._decisions.all, replace(choice), left)
-        # Only a changed list delays the next update, so that a new tick is shown at once.
-        if now_s >= self._table_due_s and listed != self._listed:
+        if anew:
             self._listed = listed
             self._table.content = told = table(
-                frame.pairs, scene, choice, self._decisions.all, left
+                frame.pairs, scene, choice, self._decisions.all, left_then
             )
             self._matrix.content = matrix(frame.pairs, scene, choice.pair)
             self._table_due_s = now_s + min(max(TABLE_S, CHARACTER_S * len(told)), LONGEST_S)
@@ -205,7 +211,10 @@ class Page:
         return frame
 
     def _draw(self, frame: Frame, scene: SceneInfo, sitting: Sitting | None) -> None:
-        """Bring the picture up to date: parts, lines and labels."""
+        """Bring the picture up to date: parts, lines and labels.
+
+        The labels' numbers change only when the list's do, so that both are of the same tick.
+        """
         choice = self._choice
         held = self.hand.poses if choice.at_s is None else {}
         view, cut = View.of(self._client.camera), None
@@ -220,8 +229,12 @@ class Page:
         if self._sat is not sitting:  # a picture must not show a label of another moment
             self._sat = sitting
             self._labels.clear()
-        labels = [*self._lines.labels, *self._parts.labels()] if cut is None else []
-        self._labels.show(labels, view, self._lines.tips, at_once=sitting is not None)
+        at_once = sitting is not None or self._numbers is None
+        if sitting is None and self._numbers is None:
+            self._numbers = self._lines.labels
+        numbers = self._numbers if sitting is None else self._lines.labels
+        labels = [*numbers, *self._parts.labels()] if cut is None else []
+        self._labels.show(labels, view, self._lines.tips, at_once=at_once)
 
     def _build(self, news: News) -> None:
         """Build the page's content for a scene."""
@@ -234,7 +247,7 @@ class Page:
         self._portraits.begin(self._parts)
         self._parts.show(news.frame, {}, self._choice, ())
         self._lines = Lines(self._client, self._parts.scale, self._parts.size)
-        self._labels = Labels(self._client.scene, "/distances")
+        self._labels, self._numbers = Labels(self._client.scene, "/distances"), None
         self._inspect.begin(news.scene, self._parts)
         self._move.begin(news.scene, self._parts)
         self.hand.begin(news.scene.key)
@@ -261,8 +274,8 @@ class Page:
         self._all_placed = bool(frame.poses[:, 3:].any(axis=1).all())
 
     def _add_list(self, gui: viser.GuiApi) -> None:
-        self._filters = Filters(gui, self._choice)
         self._inspect = Inspect(self._client, self._choice, self._look_again)
+        self._filters = Filters(gui, self._choice)
         self._deciding = Deciding(gui, self._decisions, self._choice)
         self._table = gui.add_html("")
         with gui.add_folder("Clash matrix", expand_by_default=False):
