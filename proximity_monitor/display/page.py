@@ -15,6 +15,7 @@ from proximity_monitor.display.choice import Choice
 from proximity_monitor.display.conflict_list import ConflictList
 from proximity_monitor.display.connection import Connection, banner, pill
 from proximity_monitor.display.deciding import Deciding
+from proximity_monitor.display.decisions import Decision
 from proximity_monitor.display.event_list import EventList
 from proximity_monitor.display.event_picture import EventPicture
 from proximity_monitor.display.fresh import Beat, patience_s
@@ -39,7 +40,7 @@ from proximity_monitor.display.style import STYLE
 from proximity_monitor.display.timeline import Timeline
 from proximity_monitor.display.turns import Turns
 from proximity_monitor.display.unlisted import unlisted
-from proximity_monitor.display.view import View, place
+from proximity_monitor.display.view import View, approach, look, place
 
 TABLE_S = 0.08
 """Seconds between two updates of the numbers; faster changes cannot be read. It is a little less
@@ -276,7 +277,7 @@ class Page:
     def _add_list(self, gui: viser.GuiApi) -> None:
         self._inspect = Inspect(self._client, self._choice, self._look_again)
         self._filters = Filters(gui, self._choice)
-        self._deciding = Deciding(gui, self._decisions, self._choice)
+        self._deciding = Deciding(gui, self._decisions, self._choice, self._camera)
         self._table = gui.add_html("")
         with gui.add_folder("Clash matrix", expand_by_default=False):
             self._matrix = gui.add_html("")
@@ -307,6 +308,7 @@ class Page:
             self._filters.clear()
         elif what == "event":
             self._event_list.go(name)
+            self._see_then(None)
         elif what == event_list.TURN:
             self._event_list.turn(name)
         elif what == conflict_list.TURN:
@@ -321,6 +323,7 @@ class Page:
         if what == "conflict":
             if pair is not None and set(pair) <= set(bodies):
                 self._conflict_list.go(pair)
+                self._see_then(self._decisions.all.get(frozenset(pair)))
             return
         if pair not in self._shown.frame.pairs.places and pair not in choice.ignored:
             return
@@ -328,21 +331,30 @@ class Page:
             choice.ignore(pair)
         elif what == "pick":
             choice.pair = None if choice.pair == pair else pair
-            if choice.pair is not None:
-                self._zoom(self._client)
+            pairs = self._shown.frame.pairs
+            if (row := pairs.places.get(choice.pair)) is not None:
+                self._approach(pairs.points[row])
 
-    def _zoom(self, client: viser.ClientHandle) -> None:
-        """Look at the highlighted pair's gap from the camera's present direction, but nearer."""
-        pairs = self._shown.frame.pairs
-        row = pairs.places.get(self._choice.pair)
-        if row is None or np.isnan(pairs.points[row]).any():
-            return
-        ends = pairs.points[row] * self._parts.scale
-        middle = ends.mean(axis=0)
-        away = np.array(client.camera.position) - middle
-        away /= np.linalg.norm(away) or 1.0
-        distance = max(4.0 * float(np.linalg.norm(ends[1] - ends[0])), 0.6 * self._parts.size)
-        place(client.camera, middle + distance * away, middle)
+    def _approach(self, points: np.ndarray) -> None:
+        """Look at closest points (2, 3) from the camera's present direction, but nearer."""
+        if not np.isnan(points).any():
+            scale, least = self._parts.scale, 0.6 * self._parts.size
+            approach(self._client.camera, points * scale, least)
+
+    def _camera(self) -> tuple[float, ...]:
+        """Return this browser's camera as `Decision.camera`."""
+        camera, scale = self._client.camera, self._parts.scale
+        metres = np.concatenate((camera.position, camera.look_at)) / scale
+        return tuple(metres.round(9).tolist())
+
+    def _see_then(self, decision: Decision | None) -> None:
+        """Take the camera of the person who decided about a conflict, or else look at its gap."""
+        seen = self._choice.seen
+        if decision is not None and decision.camera is not None:
+            position, at = np.reshape(decision.camera, (2, 3)) * self._parts.scale
+            look(self._client.camera, position, at)
+        elif seen is not None and seen[0] == self._choice.pair:
+            self._approach(seen[1].points)
 
     def _return_to_worst(self) -> None:
         """Hold both bodies of the worst pair where they were then; say which of them cannot be."""
