@@ -40,6 +40,13 @@ SEEN = """each => {
   const r = each.getBoundingClientRect();
   return each.contains(document.elementFromPoint(r.left + r.width / 2, r.top + r.height / 2));
 }"""
+# How wide the panel's content is with a text beside the pill, and how wide the panel is.
+WIDTHS = """text => {
+  const line = document.querySelector('#pm-connection .pm-cut');
+  line.textContent = text;
+  const panel = line.closest('.mantine-ScrollArea-viewport');
+  return [panel.scrollWidth, panel.clientWidth];
+}"""
 # The camera's position, and the point it looks at.
 EYE = """() => {
   const {camera, cameraControl} = window.__viserMutable;
@@ -83,6 +90,11 @@ def test_the_buttons_for_the_gap_are_seen_at_once_and_the_margin_is_told(page, w
     for folder in ("Status of the pair", "Filter and group"):
         page.get_by_text(folder, exact=True).dispatch_event("click")
     press(page, CHOSEN)
+
+
+def test_a_long_reason_is_cut_and_makes_the_panel_no_wider(page):
+    told, panel = page.evaluate(WIDTHS, "no recent pose: " + "one of many, " * 20)
+    assert told <= panel
 
 
 def decide(page, wait, status, comment):
