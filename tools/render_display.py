@@ -192,6 +192,8 @@ def draw_engine(page: Page, folder: Path) -> None:
 
 def draw_probe(page: Page, folder: Path) -> None:
     """Draw the 3D cursor: a point with a line to every part near it."""
+    settle(page)
+    play(page, False)
     tab(page, "Move")
     settle(page, 25)
     shoot(page, folder / "display_cursor.png")

@@ -128,8 +128,8 @@ def test_thresholds_of_such_a_pair_are_set_by_the_sliders(page, wait):
     tab(page, "Settings")
     wait(lambda: page.get_by_text(f"of {pair}", exact=True).count(), "its own thresholds")
     enter(page, "warn [mm]", "7", 1)
-    bar = page.locator(f"{CHOSEN} .pm-bar")
-    wait(lambda: "warn 7.000 mm" in bar.get_attribute("title"), "the monitor to take it")
+    told = page.locator(f"{CHOSEN} .pm-num")
+    wait(lambda: "warn 7.000 mm" in told.get_attribute("title"), "the monitor to take it")
 
 
 def test_no_list_is_wider_than_the_panel(page, wait):
