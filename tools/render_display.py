@@ -157,7 +157,7 @@ def draw_engine(page: Page, folder: Path) -> None:
     shoot(page, folder / "display_pair.png")
     press(page, "piston_2 - crankshaft")
     play(page, True)
-    tab(page, "Limits")
+    tab(page, "Settings")
     slider = page.get_by_role("slider").and_(page.locator(":visible")).nth(4)
     page.wait_for_selector("#pm-cost >> text=as the scene says")
     for percent in (5, 10, 15):
@@ -165,7 +165,7 @@ def draw_engine(page: Page, folder: Path) -> None:
             slider.press("ArrowRight")
         page.wait_for_selector(f"#pm-cost >> text={percent} %, ")
     play(page, False)
-    tab(page, "Limits")
+    tab(page, "Settings")
     settle(page)
     page.evaluate("() => document.querySelector('#pm-cost').scrollIntoView({block: 'end'})")
     shoot(page, folder / "display_cost.png")
@@ -192,6 +192,8 @@ def draw_engine(page: Page, folder: Path) -> None:
 
 def draw_probe(page: Page, folder: Path) -> None:
     """Draw the 3D cursor: a point with a line to every part near it."""
+    settle(page)
+    play(page, False)
     tab(page, "Move")
     settle(page, 25)
     shoot(page, folder / "display_cursor.png")

@@ -40,7 +40,7 @@ _Placed = tuple[Part, bytes | None]
 
 _Near = tuple[_Placed, tuple]
 """A part with its pose, and for each of its listed pairs: the other part, its pose, whether it is a
-point, and the limits. A pose is None if it is unknown at that tick or too old."""
+point, and the thresholds. A pose is None if it is unknown at that tick or too old."""
 
 
 class _Job(NamedTuple):
@@ -83,7 +83,7 @@ class Banding:
         """Colour the wanted parts one after the other, and no other parts.
 
         Args:
-            scene: the scene, with the limits in force.
+            scene: the scene, with the thresholds in force.
             frame: the tick that is shown.
             parts: the parts with their present shapes.
             wanted: names of the parts to colour.
@@ -154,8 +154,8 @@ class Banding:
             point = self._scene.bodies[self._number[other]].point
             there, at = placed(other)
             known = pairs.level[row] != STALE and other not in changed
-            limits = self._scene.thresholds_of(pair)
-            others.append((there, at if known else None, point, limits))
+            thresholds = self._scene.thresholds_of(pair)
+            others.append((there, at if known else None, point, thresholds))
         return (part, pose), tuple(others)
 
     def _placed(self, name: str, frame: Frame, parts: Sequence[Part]) -> _Placed:
@@ -198,9 +198,9 @@ def _bands(near: _Near, budget_s: float) -> bands.Bands:
         bands.Other(
             bands.model_of(other, point),
             inverse @ bands.matrix(np.frombuffer(pose)),
-            limits,
+            thresholds,
             other.deviation,
         )
-        for other, pose, point, limits in others
+        for other, pose, point, thresholds in others
     ]
     return bands.bands(corners, told, budget_s, part.deviation)

@@ -45,7 +45,7 @@ class Other(NamedTuple):
     model: engine.Model
     pose: np.ndarray
     """(4, 4) to the frame of the part whose bands are wanted, in metres."""
-    limits: Thresholds
+    thresholds: Thresholds
     deviation: float = 0.0
     """Metres; see `Part.deviation`. If it is finite, the model has the same one."""
 
@@ -155,7 +155,7 @@ def _judged(
     band = drawn[0].copy()
     known = np.ones(len(middle), bool)
     for other in others:
-        warn, stop = max(other.limits.warn, other.limits.stop), other.limits.stop
+        warn, stop = max(other.thresholds.warn, other.thresholds.stop), other.thresholds.stop
         widened = other.model.deviation
         reach = (
             float(radius.max(initial=0.0))

@@ -119,17 +119,30 @@ def _problem(error: Exception, path: Path, unsaved: bool) -> str:
     return f"{path}: {why}. The file is unchanged.{kept}"
 
 
-def decision_now(pairs: Pairs, row: int | None, status: str, comment: str) -> Decision:
+def decision_now(
+    pairs: Pairs,
+    row: int | None,
+    status: str,
+    comment: str,
+    camera: tuple[float, ...] | None = None,
+) -> Decision:
     """Return a person's decision of this moment, with the pair's state and bounds.
 
-    `row` is the pair's row in the tick; None if the tick does not list the pair.
+    Args:
+        pairs: the pairs of the tick.
+        row: the pair's row in it; None if the tick does not list the pair.
+        status: one of `decisions.STATUSES`.
+        comment: the person's own words.
+        camera: the person's camera; see `Decision.camera`.
     """
     now = datetime.now(UTC).isoformat(timespec="seconds")
+    if camera is not None and not decisions.is_camera(camera):
+        camera = None
     if row is None:
-        return Decision(status, comment, decided=now)
+        return Decision(status, comment, decided=now, camera=camera)
     bounds = (float(x) for x in (pairs.lower[row], pairs.upper[row]))
     known = (x if abs(x) <= decisions.FAR_M else None for x in bounds)
-    return Decision(status, comment, kind_of(pairs, row), *known, now)
+    return Decision(status, comment, kind_of(pairs, row), *known, now, camera)
 
 
 def decision_line(

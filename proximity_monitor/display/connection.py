@@ -29,6 +29,7 @@ from proximity_monitor.display.signs import (
 )
 from proximity_monitor.display.state import BOUNDED, STALE, STOP, WARN, Frame, Pairs, SceneInfo
 from proximity_monitor.display.unlisted import Unlisted, unlisted
+from proximity_monitor.scene.naming import counted
 
 
 class ConnectionState(enum.Enum):
@@ -95,7 +96,7 @@ def connection(news: News, now_s: float) -> Connection:
         return Connection(ConnectionState.STALE, f"no recent pose: {named}{more}")
     bounded = int((news.frame.pairs.status == BOUNDED).sum())
     if bounded:
-        what = "1 pair is" if bounded == 1 else f"{bounded} pairs are"
+        what = counted(bounded, "pair is", "pairs are")
         return Connection(ConnectionState.COMPUTING, f"{what} not exact yet: bounds are shown")
     return Connection(ConnectionState.LIVE, "the numbers match the present poses")
 
@@ -191,7 +192,7 @@ def banner(
         name, figures = _told(pairs, shown[0], scene)
         return _boxed(sign(pairs, shown[0], scene), when + name, figures, more=more)
     if len(hidden):
-        count = f"{len(hidden)} hidden pair{'s are' if len(hidden) > 1 else ' is'} not clear"
+        count = f"{counted(len(hidden), 'hidden pair is', 'hidden pairs are')} not clear"
         first = sign(pairs, hidden[0], scene)
         name, figures = _told(pairs, hidden[0], scene)
         return _boxed(HIDDEN_SIGN, f"{when}{count}:", figures, lead=f"{first.word} {name}")
@@ -219,21 +220,21 @@ class _Figures(NamedTuple):
 
     number: str
     how: str = ""
-    limit: str = ""
+    threshold: str = ""
 
 
 def _told(pairs: Pairs, i: int, scene: SceneInfo) -> tuple[str, _Figures]:
     """Return a pair's name and its figures."""
-    level, limits = pairs.level[i], scene.thresholds_of(pairs.names[i])
+    level, thresholds = pairs.level[i], scene.thresholds_of(pairs.names[i])
     a, b = pairs.names[i]
     if level == STALE:
         return f"{a} - {b}:", _Figures("", pairs.silent[i])
-    said, how, limit = clearance(pairs, i, scene.unit), "", ""
+    said, how, threshold = clearance(pairs, i, scene.unit), "", ""
     if level in (STOP, WARN):
-        at, name = (limits.stop, "stop") if level == STOP else (limits.warn, "warn")
+        at, name = (thresholds.stop, "stop") if level == STOP else (thresholds.warn, "warn")
         how = "not proved above" if unproved(pairs, i, scene) else ""
-        said, limit = f"{said},", f"{name} at {length(at, scene.unit)}"
-    return f"{a} - {b}:", _Figures(said, how, limit)
+        said, threshold = f"{said},", f"{name} at {length(at, scene.unit)}"
+    return f"{a} - {b}:", _Figures(said, how, threshold)
 
 
 def _boxed(
@@ -245,7 +246,7 @@ def _boxed(
     if figures is not None:
         kind = "pm-cut"
         words = (("pm-cut", lead), ("pm-on", figures.number), ("pm-cut", figures.how),
-                 ("pm-on", figures.limit))  # fmt: skip
+                 ("pm-on", figures.threshold))  # fmt: skip
         told = "".join(f"<span class={c}>{escape(each)}</span>" for c, each in words if each)
         told = f"<span class=pm-figures>{told}</span>"
     title = " ".join(filter(None, (text, lead, *(figures or ()))))

@@ -7,6 +7,7 @@ decision. A typed value stays, but it is saved only after the person has seen th
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from html import escape
 
 import viser
@@ -28,8 +29,14 @@ from proximity_monitor.display.unlisted import reason
 class Deciding:
     """The fields for the status and comment of a pair, and a line that names the file."""
 
-    def __init__(self, gui: viser.GuiApi, decisions: DecisionStore, choice: Choice) -> None:
-        """Add the panel at the current place of the GUI."""
+    def __init__(
+        self,
+        gui: viser.GuiApi,
+        decisions: DecisionStore,
+        choice: Choice,
+        camera: Callable[[], tuple[float, ...]],
+    ) -> None:
+        """Add the panel at the current place of the GUI; `camera` returns `Decision.camera`."""
         self._decisions = decisions
         self._choice = choice
         self._pair: PairName | None = None  # the pair whose decision is in the fields
@@ -50,7 +57,7 @@ class Deciding:
         def _(_) -> None:
             if self._pair is not None and self._agrees():
                 row = self._pairs.places.get(self._pair)
-                decision = decision_now(self._pairs, row, *self._typed)
+                decision = decision_now(self._pairs, row, *self._typed, camera())
                 decisions.decide(self._pair, decision)
                 self._known = self._typed
 

@@ -2,7 +2,8 @@
 
 It is JSON: ``version`` 1, the ``scene`` and a list of ``conflicts``. Each conflict has the names
 ``a`` and ``b``, its ``status`` and ``comment``, when it was ``decided``, and how the pair was then:
-``state``, ``lower_m`` and ``upper_m``.
+``state``, ``lower_m`` and ``upper_m``. ``camera_m`` is the camera of the person who decided: its
+position, then the point at which it looked, six numbers in the scene's frame.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -56,6 +57,9 @@ class Decision(NamedTuple):
     upper: float | None = None
     decided: str = ""
     """The moment, ISO 8601, in UTC; empty: never."""
+    camera: tuple[float, ...] | None = None
+    """Six numbers in metres: the position of the person's camera, and the point it looked at.
+    None: not known."""
 
     def outgrown(self, state: str, upper: float) -> bool:
         """Return whether a pair is worse now than when it was accepted or ignored.
@@ -140,13 +144,23 @@ def read(path: Path) -> dict[str, Any]:
 
 def _sound(each: Mapping[str, Any]) -> bool:
     texts = (each.get(key, "") for key in ("comment", "state", "decided"))
-    numbers = (each.get(key) for key in ("lower_m", "upper_m"))
+    numbers, camera = (each.get(key) for key in ("lower_m", "upper_m")), each.get("camera_m")
     return (
         each.get("status") in STATUSES
         and all(isinstance(each.get(key), str) for key in "ab")
         and all(isinstance(text, str) for text in texts)
-        and all(x is None or (type(x) in (int, float) and abs(x) <= FAR_M) for x in numbers)
+        and all(x is None or _is_number(x) for x in numbers)
+        and (camera is None or (isinstance(camera, list) and is_camera(camera)))
     )
+
+
+def is_camera(numbers: Sequence[Any]) -> bool:
+    """Return whether numbers can be a `Decision.camera`: it does not look at its own position."""
+    return len(numbers) == 6 and all(map(_is_number, numbers)) and numbers[:3] != numbers[3:]
+
+
+def _is_number(x: Any) -> bool:
+    return type(x) in (int, float) and abs(x) <= FAR_M
 
 
 def decisions(told: Mapping[str, Any]) -> Decisions:
@@ -157,6 +171,7 @@ def decisions(told: Mapping[str, Any]) -> Decisions:
             *(each.get(key, "") for key in ("comment", "state")),
             *(each.get(key) for key in ("lower_m", "upper_m")),
             each.get("decided", ""),
+            tuple(each["camera_m"]) if each.get("camera_m") else None,
         )
         for each in told["conflicts"]
     }
@@ -174,7 +189,8 @@ def merged(told: Mapping[str, Any], unsaved: Unsaved, scene: str) -> dict[str, A
     for key, ((a, b), each) in unsaved.items():
         bounds = {"lower_m": each.lower, "upper_m": each.upper}
         words = {"status": each.status, "comment": each.comment, "state": each.state}
-        entry = {"a": a, "b": b, **words, **bounds, "decided": each.decided}
+        seen = {"decided": each.decided, "camera_m": each.camera}
+        entry = {"a": a, "b": b, **words, **bounds, **seen}
         others = {what: x for what, x in before.get(key, {}).items() if what not in entry}
         if others or each.status != NEW or each.comment:
             kept.append(entry | others)

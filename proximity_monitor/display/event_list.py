@@ -18,6 +18,7 @@ from proximity_monitor.display.listing import admits, left_out
 from proximity_monitor.display.paging import page_of, pager
 from proximity_monitor.display.shared import Shared
 from proximity_monitor.display.state import SceneInfo
+from proximity_monitor.scene.naming import counted
 
 TURN = "events-from"
 """The word that a press sends to turn to another page of the list."""
@@ -94,7 +95,7 @@ class EventList:
             return str(listed[first].number) if first else ""
 
         lost = self._events.lost
-        rest = f"; the first {lost} are no longer kept" if lost else ""
+        rest = f"; {counted(lost, 'older one is', 'older ones are')} no longer kept" if lost else ""
         return (
             f'<div class=pm {PRESSES}><table class=pm-table id="pm-events"><tr><th>at</th>'
             f"<th>state</th><th>pair</th><th class=pm-num>clearance</th></tr>{rows}</table>"

@@ -11,6 +11,7 @@ from proximity_monitor.display.choice import PairName
 from proximity_monitor.display.conflicts import UNDECIDED
 from proximity_monitor.display.decisions import Decisions
 from proximity_monitor.display.events import Events
+from proximity_monitor.display.order import margin_of
 from proximity_monitor.display.pairs import gap
 from proximity_monitor.display.session import Session
 from proximity_monitor.display.signs import sign
@@ -38,6 +39,8 @@ def pairs_csv(frame: Frame, scene: SceneInfo, session: Session, decisions: Decis
         *(f"{axis}_{body} [{s}]" for body in "ab" for axis in "xyz"),
         f"warn [{s}]",
         f"stop [{s}]",
+        f"margin [{s}]",
+        "margin_to",
         "age [s]",
         f"session_min [{s}]",
         f"session_min_lower [{s}]",
@@ -48,7 +51,8 @@ def pairs_csv(frame: Frame, scene: SceneInfo, session: Session, decisions: Decis
     ]
     rows = []
     for i, (a, b) in enumerate(pairs.names):
-        limits, found = scene.thresholds_of((a, b)), session.worst((a, b))
+        thresholds, found = scene.thresholds_of((a, b)), session.worst((a, b))
+        margin = margin_of(pairs, i, scene)
         least = float("nan") if found is None else found[1].upper
         lengths = [pairs.lower[i], pairs.upper[i], *gap(pairs, i), *pairs.points[i].ravel()]
         rows.append(
@@ -58,7 +62,9 @@ def pairs_csv(frame: Frame, scene: SceneInfo, session: Session, decisions: Decis
                 LEVELS[pairs.level[i]],
                 sign(pairs, i, scene).word.lower(),
                 STATUSES[pairs.status[i]],
-                *(x / unit.to_metre for x in (*lengths, limits.warn, limits.stop)),
+                *(x / unit.to_metre for x in (*lengths, thresholds.warn, thresholds.stop)),
+                margin.metres / unit.to_metre,
+                margin.to,
                 pairs.age_s[i],
                 least / unit.to_metre,
                 session.lowest((a, b)) / unit.to_metre,

@@ -46,8 +46,8 @@ class Conflict(NamedTuple):
         found = [event.after for event in self.events]
         if self.worst is not None:
             found.append(sign(self.worst.frame(self.pair).pairs, 0, scene))
-        # If no kept moment has that state, no bounds prove that the pair reached the limit. Then
-        # take the mildest sign of the state.
+        # If no kept moment has that state, no bounds prove that the pair reached the threshold.
+        # Then take the mildest sign of the state.
         like = [each for each in SIGNS if each.kind == self.state]
         return next((each for each in like if each in found), like[-1])
 

@@ -1,6 +1,9 @@
-"""The order of pairs: the worse state first, then the smaller margin to the pair's own limit."""
+"""The order of pairs: the worse state first, then the smaller margin to the pair's threshold."""
 
 from __future__ import annotations
+
+import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,6 +13,15 @@ KINDS = ("contact", "stop", "warn", "stale", "clear")
 """The states of pairs, the worst first."""
 
 CONTACT_KIND, STOP_KIND, WARN_KIND, STALE_KIND, CLEAR_KIND = range(len(KINDS))
+
+
+class Margin(NamedTuple):
+    """How far a pair is at least from its next threshold, certainly."""
+
+    to: str
+    """The threshold, ``warn`` or ``stop``; or ``contact``. Empty: the pair is stale."""
+    metres: float
+    """The lower bound less that threshold. NaN: the pair is stale, so nothing is certain."""
 
 
 def kinds(pairs: Pairs) -> np.ndarray:
@@ -33,19 +45,33 @@ def _kinds(level: np.ndarray, status: np.ndarray, touching: np.ndarray) -> np.nd
 
 
 def margins(pairs: Pairs, scene: SceneInfo, of: np.ndarray) -> np.ndarray:
-    """Return by how many metres (k,) each pair's lower bound is above the limit that matters.
+    """Return each pair's margin (k,) in metres: its lower bound less the threshold that matters.
 
-    The limit is `warn` for a clear or stale pair and `stop` for a pair at warn or stop. For bodies
-    that touch it is 0.
+    The threshold is `warn` for a clear or stale pair and `stop` for a pair at warn or stop. For
+    bodies that touch it is 0.
 
     Args:
         pairs: the pairs of a tick.
-        scene: has the limits.
+        scene: has the thresholds.
         of: (k,) the pairs' states, as places in KINDS.
     """
-    warn, stop = scene.limits_of(pairs.names)
-    limit = np.where(of >= STALE_KIND, warn, stop)
-    return pairs.lower - np.where(of == CONTACT_KIND, 0.0, limit)
+    warn, stop = scene.warn_and_stop(pairs.names)
+    threshold = np.where(of >= STALE_KIND, warn, stop)
+    return pairs.lower - np.where(of == CONTACT_KIND, 0.0, threshold)
+
+
+def margin_of(pairs: Pairs, row: int, scene: SceneInfo) -> Margin:
+    """Return the margin of one pair; see `margins`."""
+    kind = KINDS.index(kind_of(pairs, row))
+    if kind == STALE_KIND:
+        return Margin("", math.nan)
+    thresholds = scene.thresholds_of(pairs.names[row])
+    to, at = "stop", thresholds.stop
+    if kind == CLEAR_KIND:
+        to, at = "warn", thresholds.warn
+    elif kind == CONTACT_KIND:
+        to, at = "contact", 0.0
+    return Margin(to, float(pairs.lower[row]) - at)
 
 
 def urgent_first(pairs: Pairs, scene: SceneInfo) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from html import escape
 
@@ -14,14 +15,14 @@ from proximity_monitor.display.choice import Choice
 from proximity_monitor.display.conflict_list import ConflictList
 from proximity_monitor.display.connection import Connection, banner, pill
 from proximity_monitor.display.deciding import Deciding
+from proximity_monitor.display.decisions import Decision
 from proximity_monitor.display.event_list import EventList
 from proximity_monitor.display.event_picture import EventPicture
 from proximity_monitor.display.fresh import Beat, patience_s
 from proximity_monitor.display.holds import Hand
 from proximity_monitor.display.inbox import News
 from proximity_monitor.display.inspection import Inspect
-from proximity_monitor.display.labels import Labels
-from proximity_monitor.display.limits import LimitsPanel
+from proximity_monitor.display.labels import Label, Labels
 from proximity_monitor.display.lines import Lines
 from proximity_monitor.display.listing import Filters
 from proximity_monitor.display.matrix import matrix
@@ -32,13 +33,14 @@ from proximity_monitor.display.player_panel import PlayerPanel
 from proximity_monitor.display.portraits import Portraits, Sitting
 from proximity_monitor.display.report_files import ReportFiles
 from proximity_monitor.display.save import Save
+from proximity_monitor.display.settings import SettingsPanel
 from proximity_monitor.display.shared import Shared, Shown
 from proximity_monitor.display.state import Frame, SceneInfo
 from proximity_monitor.display.style import STYLE
 from proximity_monitor.display.timeline import Timeline
 from proximity_monitor.display.turns import Turns
 from proximity_monitor.display.unlisted import unlisted
-from proximity_monitor.display.view import View, place
+from proximity_monitor.display.view import View, approach, look, place
 
 TABLE_S = 0.08
 """Seconds between two updates of the numbers; faster changes cannot be read. It is a little less
@@ -72,6 +74,7 @@ class Page:
         self._parts: Parts | None = None
         self._lines: Lines | None = None
         self._labels: Labels | None = None
+        self._numbers: Sequence[Label] | None = None  # of the list's tick; None: to be renewed
         self._session_number = self._session.number
         self._drawn: tuple = ()
         self._listed: tuple = ()
@@ -93,8 +96,8 @@ class Page:
             self._add_list(gui)
         with tabs.add_tab("Move", viser.Icon.HAND_MOVE):
             self._move = Move(client, self.hand, self._choice, shared.ask)
-        with tabs.add_tab("Limits", viser.Icon.ADJUSTMENTS):
-            self._limits = LimitsPanel(gui, self._choice, shared.tried, shared.ask)
+        with tabs.add_tab("Settings", viser.Icon.ADJUSTMENTS):
+            self._settings = SettingsPanel(gui, self._choice, shared.tried, shared.ask)
         picking.listen(client.scene, lambda: self._parts, self._inspect.plane, self._on_pick)
         over_time = gui.add_panel()
         plot = over_time.add_tab("Clearance", viser.Icon.CHART_LINE)
@@ -167,26 +170,30 @@ class Page:
 
     def _show(self, news: News, told: Connection, now_s: float, sitting: Sitting | None) -> None:
         scene, frame, choice = news.scene, self._shown.frame, self._choice
+        left = unlisted(news.frame.pairs, scene, news.health)
+        left_then = left
+        if choice.at_s is not None:  # the reasons at that moment were not kept
+            left_then = unlisted(frame.pairs, scene, None)
+        listed = (frame, scene, self._decisions.all, replace(choice), left_then)
+        # Only a changed list delays the next update, so that a new tick is shown at once.
+        anew = now_s >= self._table_due_s and listed != self._listed
+        if anew:
+            self._numbers = None
         self._draw(frame, scene, sitting)
         if not self._all_placed and frame.poses[:, 3:].any(axis=1).all():
             self._look_at_all(frame)
         self._inspect.show(scene, frame, news.parts, now_s, sitting)
-        left = unlisted(news.frame.pairs, scene, news.health)
-        if now_s >= self._due_s:
+        if now_s >= self._due_s or anew:
             self._due_s = now_s + TABLE_S
             self._banner.content = banner(news.frame, scene, choice, told, left)
-            self._limits.show(scene, news.health, news.refusal, now_s)
+            self._settings.show(scene, news.health, news.refusal, now_s)
             self._deciding.show(frame.pairs, scene)
             if told.current:
                 self._beat.show(news.frame, patience_s(scene) - (now_s - news.frame_at_s))
-        if choice.at_s is not None:  # the reasons at that moment were not kept
-            left = unlisted(frame.pairs, scene, None)
-        listed = (frame, scene, self._decisions.all, replace(choice), left)
-        # Only a changed list delays the next update, so that a new tick is shown at once.
-        if now_s >= self._table_due_s and listed != self._listed:
+        if anew:
             self._listed = listed
             self._table.content = told = table(
-                frame.pairs, scene, choice, self._decisions.all, left
+                frame.pairs, scene, choice, self._decisions.all, left_then
             )
             self._matrix.content = matrix(frame.pairs, scene, choice.pair)
             self._table_due_s = now_s + min(max(TABLE_S, CHARACTER_S * len(told)), LONGEST_S)
@@ -205,7 +212,10 @@ class Page:
         return frame
 
     def _draw(self, frame: Frame, scene: SceneInfo, sitting: Sitting | None) -> None:
-        """Bring the picture up to date: parts, lines and labels."""
+        """Bring the picture up to date: parts, lines and labels.
+
+        The labels' numbers change only when the list's do, so that both are of the same tick.
+        """
         choice = self._choice
         held = self.hand.poses if choice.at_s is None else {}
         view, cut = View.of(self._client.camera), None
@@ -220,8 +230,12 @@ class Page:
         if self._sat is not sitting:  # a picture must not show a label of another moment
             self._sat = sitting
             self._labels.clear()
-        labels = [*self._lines.labels, *self._parts.labels()] if cut is None else []
-        self._labels.show(labels, view, self._lines.tips, at_once=sitting is not None)
+        at_once = sitting is not None or self._numbers is None
+        if sitting is None and self._numbers is None:
+            self._numbers = self._lines.labels
+        numbers = self._numbers if sitting is None else self._lines.labels
+        labels = [*numbers, *self._parts.labels()] if cut is None else []
+        self._labels.show(labels, view, self._lines.tips, at_once=at_once)
 
     def _build(self, news: News) -> None:
         """Build the page's content for a scene."""
@@ -234,7 +248,7 @@ class Page:
         self._portraits.begin(self._parts)
         self._parts.show(news.frame, {}, self._choice, ())
         self._lines = Lines(self._client, self._parts.scale, self._parts.size)
-        self._labels = Labels(self._client.scene, "/distances")
+        self._labels, self._numbers = Labels(self._client.scene, "/distances"), None
         self._inspect.begin(news.scene, self._parts)
         self._move.begin(news.scene, self._parts)
         self.hand.begin(news.scene.key)
@@ -261,9 +275,9 @@ class Page:
         self._all_placed = bool(frame.poses[:, 3:].any(axis=1).all())
 
     def _add_list(self, gui: viser.GuiApi) -> None:
-        self._filters = Filters(gui, self._choice)
         self._inspect = Inspect(self._client, self._choice, self._look_again)
-        self._deciding = Deciding(gui, self._decisions, self._choice)
+        self._filters = Filters(gui, self._choice)
+        self._deciding = Deciding(gui, self._decisions, self._choice, self._camera)
         self._table = gui.add_html("")
         with gui.add_folder("Clash matrix", expand_by_default=False):
             self._matrix = gui.add_html("")
@@ -294,6 +308,7 @@ class Page:
             self._filters.clear()
         elif what == "event":
             self._event_list.go(name)
+            self._see_then(None)
         elif what == event_list.TURN:
             self._event_list.turn(name)
         elif what == conflict_list.TURN:
@@ -308,6 +323,7 @@ class Page:
         if what == "conflict":
             if pair is not None and set(pair) <= set(bodies):
                 self._conflict_list.go(pair)
+                self._see_then(self._decisions.all.get(frozenset(pair)))
             return
         if pair not in self._shown.frame.pairs.places and pair not in choice.ignored:
             return
@@ -315,21 +331,30 @@ class Page:
             choice.ignore(pair)
         elif what == "pick":
             choice.pair = None if choice.pair == pair else pair
-            if choice.pair is not None:
-                self._zoom(self._client)
+            pairs = self._shown.frame.pairs
+            if (row := pairs.places.get(choice.pair)) is not None:
+                self._approach(pairs.points[row])
 
-    def _zoom(self, client: viser.ClientHandle) -> None:
-        """Look at the highlighted pair's gap from the camera's present direction, but nearer."""
-        pairs = self._shown.frame.pairs
-        row = pairs.places.get(self._choice.pair)
-        if row is None or np.isnan(pairs.points[row]).any():
-            return
-        ends = pairs.points[row] * self._parts.scale
-        middle = ends.mean(axis=0)
-        away = np.array(client.camera.position) - middle
-        away /= np.linalg.norm(away) or 1.0
-        distance = max(4.0 * float(np.linalg.norm(ends[1] - ends[0])), 0.6 * self._parts.size)
-        place(client.camera, middle + distance * away, middle)
+    def _approach(self, points: np.ndarray) -> None:
+        """Look at closest points (2, 3) from the camera's present direction, but nearer."""
+        if not np.isnan(points).any():
+            scale, least = self._parts.scale, 0.6 * self._parts.size
+            approach(self._client.camera, points * scale, least)
+
+    def _camera(self) -> tuple[float, ...]:
+        """Return this browser's camera as `Decision.camera`."""
+        camera, scale = self._client.camera, self._parts.scale
+        metres = np.concatenate((camera.position, camera.look_at)) / scale
+        return tuple(metres.round(9).tolist())
+
+    def _see_then(self, decision: Decision | None) -> None:
+        """Take the camera of the person who decided about a conflict, or else look at its gap."""
+        seen = self._choice.seen
+        if decision is not None and decision.camera is not None:
+            position, at = np.reshape(decision.camera, (2, 3)) * self._parts.scale
+            look(self._client.camera, position, at)
+        elif seen is not None and seen[0] == self._choice.pair:
+            self._approach(seen[1].points)
 
     def _return_to_worst(self) -> None:
         """Hold both bodies of the worst pair where they were then; say which of them cannot be."""

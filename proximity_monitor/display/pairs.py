@@ -16,6 +16,7 @@ from proximity_monitor.display.signs import (
     clearance,
     feature,
     length,
+    margin,
     mark,
     number,
     ramp,
@@ -25,6 +26,7 @@ from proximity_monitor.display.signs import (
 )
 from proximity_monitor.display.state import STALE, STOP, UNKNOWN, WARN, Pairs, SceneInfo
 from proximity_monitor.display.unlisted import Unlisted, unlisted
+from proximity_monitor.scene.naming import counted
 
 FULL_ROWS = 100
 """How many rows have all details; later rows take one line each."""
@@ -64,7 +66,7 @@ def table(
     body, count = [], 0
     for title, rows in found.groups:
         if title:
-            many = f"{len(rows)} pair{'s' if len(rows) > 1 else ''}"
+            many = counted(len(rows), "pair", "pairs")
             body.append(f"<tr class=pm-group><td colspan=4>{escape(title)}: {many}</td></tr>")
         for i in rows:
             count += 1
@@ -94,7 +96,8 @@ def _line(pairs: Pairs, i: int, scene: SceneInfo, choice: Choice, decided: str) 
     a, b = pairs.names[i]
     return (
         f"{_start(pairs, i, scene, choice)}<td>{escape(a)} - {escape(b)}{decided}</td>"
-        f"<td class=pm-num>{clearance(pairs, i, scene.unit)}</td><td></td></tr>"
+        f"<td class=pm-num{_title(pairs, i, scene)}>{clearance(pairs, i, scene.unit)}</td>"
+        "<td></td></tr>"
     )
 
 
@@ -107,13 +110,15 @@ def _row(pairs: Pairs, i: int, scene: SceneInfo, choice: Choice, decided: str) -
         f"<span class=pm-on>{escape(feature(where))}</span></div>"
         for body, where in zip((a, b), told, strict=False)
     )
+    least = margin(pairs, i, scene) if (a, b) == choice.pair else ""
+    least = f"<div class='pm-small pm-margin'>{least}</div>" if least else ""
     deltas = ", ".join(number(float(x), scene.unit) for x in gap(pairs, i))
     return (
         f"{_start(pairs, i, scene, choice)}"
         f"<td>{escape(a)} - {escape(b)}<div class='pm-small pm-dim'>Δ {deltas}</div>"
-        f"{decided}{on}{silent}</td>"
-        f"<td class=pm-num>{_certainty(pairs, i, scene)}{clearance(pairs, i, scene.unit)}"
-        f"{_bar(pairs, i, scene)}</td>"
+        f"{least}{decided}{on}{silent}</td>"
+        f"<td class=pm-num{_title(pairs, i, scene)}>{_certainty(pairs, i, scene)}"
+        f"{clearance(pairs, i, scene.unit)}{_bar(pairs, i, scene)}</td>"
         f'<td><span class="pm-press pm-small" title="hide this pair here"'
         f" {pair_word('ignore', (a, b))}>hide</span></td></tr>"
     )
@@ -122,7 +127,7 @@ def _row(pairs: Pairs, i: int, scene: SceneInfo, choice: Choice, decided: str) -
 def _certainty(pairs: Pairs, i: int, scene: SceneInfo) -> str:
     if pairs.level[i] in (STOP, WARN) and unproved(pairs, i, scene):
         which = "stop" if pairs.level[i] == STOP else "warn"
-        title = "the limit lies between the bounds: the clearance may be above it"
+        title = "the threshold lies between the bounds: the clearance may be above it"
         return f'<div class="pm-small pm-unproved" title="{title}">not proved above {which}</div>'
     if not uncertain(pairs, i):
         return ""
@@ -130,26 +135,32 @@ def _certainty(pairs: Pairs, i: int, scene: SceneInfo) -> str:
     return f'<span class="pm-small pm-dim" title="{title}">bounded </span>'
 
 
+def _title(pairs: Pairs, i: int, scene: SceneInfo) -> str:
+    """Return the attribute that tells the pair's thresholds, and its margin, under the pointer."""
+    thresholds, unit = scene.thresholds_of(pairs.names[i]), scene.unit
+    told = f"stop {length(thresholds.stop, unit)}, warn {length(thresholds.warn, unit)}"
+    return f' title="{"; ".join(filter(None, (told, margin(pairs, i, scene))))}"'
+
+
 def _bar(pairs: Pairs, i: int, scene: SceneInfo) -> str:
     """Return a bar from 0 to `BAR` times warn: solid to the lower bound, paler to the upper one."""
     if pairs.status[i] == UNKNOWN:
         return ""
-    limits = scene.thresholds_of(pairs.names[i])
-    full = BAR * max(limits.warn, limits.stop, 1e-12)
+    thresholds = scene.thresholds_of(pairs.names[i])
+    full = BAR * max(thresholds.warn, thresholds.stop, 1e-12)
     low, high = (100.0 * min(max(x / full, 0.0), 1.0) for x in (pairs.lower[i], pairs.upper[i]))
     red, green, blue = ramp(
         float(pairs.lower[i]),
-        limits,
+        thresholds,
         touching=bool(pairs.touching[i]),
         stale=bool(pairs.level[i] == STALE),
     ).astype(int)
     colour = f"rgb({red} {green} {blue}"
     marks = "".join(
-        f"<u style='left:{100.0 * x / full:.1f}%'></u>" for x in (limits.stop, limits.warn)
+        f"<u style='left:{100.0 * x / full:.1f}%'></u>" for x in (thresholds.stop, thresholds.warn)
     )
-    title = f"stop {length(limits.stop, scene.unit)}, warn {length(limits.warn, scene.unit)}"
     return (
-        f'<div class=pm-bar title="{title}"><i style="left:0;width:{low:.1f}%;'
+        f'<div class=pm-bar><i style="left:0;width:{low:.1f}%;'
         f'background:{colour})"></i><i style="left:{low:.1f}%;width:{high - low:.1f}%;'
         f'background:{colour} / .4)"></i>{marks}</div>'
     )
@@ -160,16 +171,18 @@ def _rest(pairs: Pairs, found: Listing, left: Unlisted) -> str:
     if len(pairs) and not any(rows for _, rows in found.groups):
         more.append("search, filter and hiding leave no pair to list")
     if found.more_clear:
-        more.append(f"{found.more_clear} more clear pairs: search for them")
+        one, many = "more clear pair: search for it", "more clear pairs: search for them"
+        more.append(counted(found.more_clear, one, many))
     if found.clear_left_out:
-        more.append(f"{found.clear_left_out} clear pairs are left out by the filter")
+        many = counted(found.clear_left_out, "clear pair is", "clear pairs are")
+        more.append(f"{many} left out by the filter")
     more += left.lines
     told = f"<div class='pm-small pm-dim'>{'; '.join(more)}</div>" if more else ""
     if wrong:
-        are = "pair is" if wrong == 1 else "pairs are"
         told += (
             f'<div id="pm-left-out" class="pm-press pm-unproved" {word("unfilter:")}>'
-            f"{wrong} {are} not clear and left out by the filter: press to list all</div>"
+            f"{counted(wrong, 'pair is', 'pairs are')} not clear and left out by the filter:"
+            " press to list all</div>"
         )
     return told
 

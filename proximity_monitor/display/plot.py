@@ -13,12 +13,12 @@ from proximity_monitor.display.session import Session
 from proximity_monitor.display.signs import DECIMALS
 from proximity_monitor.display.state import STALE, Pairs, SceneInfo, Thresholds
 
-LOG, LIMITS = "Log", "Limits"
+LOG, THRESHOLDS = "Log", "Thresholds"
 
-_LIMITS = ("warn", "stop")
+_THRESHOLDS = ("warn", "stop")
 
 ABOVE = 3.0
-"""The scale LIMITS reaches to this many times warn."""
+"""The scale THRESHOLDS reaches to this many times warn."""
 
 DEEP = 1.0
 """For a lower bound alone, no scale reaches further below contact than this many times warn: a
@@ -55,7 +55,7 @@ class Plot:
         self._plot: viser.GuiUplotHandle | None = None
         self._title = gui.add_html("")
         self._holder = gui.add_folder(None)
-        self._scale = gui.add_dropdown("Scale", (LOG, LIMITS))
+        self._scale = gui.add_dropdown("Scale", (LOG, THRESHOLDS))
 
     def show(self, scene: SceneInfo, start: float) -> None:
         """Draw the session so far, which began at the stamp `start`; cover times not known.
@@ -71,22 +71,22 @@ class Plot:
         unit, newest = scene.unit, self._session.newest.pairs
         digits = DECIMALS.get(unit.symbol, 4)
         lower, upper = (np.round(x / unit.to_metre, digits) for x in (lower, upper))
-        drawn = shared_limits(scene, ignored) if pair is None else scene.thresholds_of(pair)
+        drawn = shared_thresholds(scene, ignored) if pair is None else scene.thresholds_of(pair)
         whose = ""
         if drawn is None:
             nearest = nearest_pair(newest, ignored, 0.1**digits * unit.to_metre)
             drawn = scene.thresholds if nearest is None else scene.thresholds_of(nearest)
             whose = "; thresholds of "
             whose += "the scene" if nearest is None else f"{' - '.join(nearest)}, the nearest now"
-        warn, stop = (getattr(drawn, x) / unit.to_metre for x in _LIMITS)
-        limits = Thresholds(warn, stop, 0.0)
-        scale = scale_of(self._scale.value, limits, lower, upper)
+        warn, stop = (getattr(drawn, x) / unit.to_metre for x in _THRESHOLDS)
+        thresholds = Thresholds(warn, stop, 0.0)
+        scale = scale_of(self._scale.value, thresholds, lower, upper)
         known = ~np.isnan(lower) & np.isfinite(upper)
         places, rows, cover = covered(stamps, known, 1.0 / (scene.settings["rate_hz"] or 1.0))
         data = [np.round(stamps[places] - start, 2)]
         data += [x[rows] for x in (np.maximum(lower, scale["range"][0]), upper)]
         data += [cover, *(np.full(len(rows), x) for x in (warn, stop))]
-        looks = {"series": _series(unit.symbol), **_scales(scale, limits)}
+        looks = {"series": _series(unit.symbol), **_scales(scale, thresholds)}
         if self._plot is None or looks != self._looks:
             # If the look of a plot changed, a browser would forget which times it shows. So another
             # plot is made. The title changes more often, so it is not part of the plot.
@@ -117,11 +117,13 @@ class Plot:
             self._title.content = ""
 
 
-def shared_limits(scene: SceneInfo, ignored: Collection[PairName]) -> Thresholds | None:
+def shared_thresholds(scene: SceneInfo, ignored: Collection[PairName]) -> Thresholds | None:
     """Return the thresholds that all pairs not ignored share; None if their warn or stop differ."""
-    own = [limits for pair, limits in scene.own_thresholds.items() if pair not in ignored]
+    own = [thresholds for pair, thresholds in scene.own_thresholds.items() if pair not in ignored]
     every = own if own and len(own) >= scene.pairs - len(ignored) else [scene.thresholds, *own]
-    return every[0] if len({(limits.warn, limits.stop) for limits in every}) == 1 else None
+    return (
+        every[0] if len({(thresholds.warn, thresholds.stop) for thresholds in every}) == 1 else None
+    )
 
 
 def nearest_pair(pairs: Pairs, ignored: Collection[PairName], digit: float) -> PairName | None:
@@ -178,34 +180,34 @@ def covered(
     return places[order], rows[order], (after != 0.0).astype(float)[order]
 
 
-def scale_of(kind: str, limits: Thresholds, lower: np.ndarray, upper: np.ndarray) -> dict:
+def scale_of(kind: str, thresholds: Thresholds, lower: np.ndarray, upper: np.ndarray) -> dict:
     """Return the scale of the clearances; it always includes contact and the thresholds.
 
     Args:
-        kind: LOG or LIMITS.
-        limits: the thresholds, in the unit of the plot.
+        kind: LOG or THRESHOLDS.
+        thresholds: the thresholds, in the unit of the plot.
         lower: (n,) lower bounds to show, in the same unit; NaN where nothing is known.
         upper: (n,) upper bounds.
     """
-    warn = max(limits.warn, limits.stop, 1e-9)
+    warn = max(thresholds.warn, thresholds.stop, 1e-9)
     uppers = upper[np.isfinite(upper)]
     # The upper bound proves an overlap of its depth, so the scale includes all of that.
     low = min(
         max(float(np.nanmin(lower, initial=0.0)), -DEEP * warn), float(uppers.min(initial=0.0))
     )
-    if kind == LIMITS:
+    if kind == THRESHOLDS:
         return {"auto": False, "range": (max(_round(low), -ABOVE * warn), ABOVE * warn)}
     high = float(uppers.max(initial=ABOVE * warn))
     # The inverse hyperbolic sine is linear near zero, so contact and overlaps have a place. Far
     # from zero it is logarithmic. No threshold and no positive clearance is deep in the linear
     # part, where it would look like contact.
-    shown = np.concatenate((lower, upper, (limits.stop, limits.warn)))
+    shown = np.concatenate((lower, upper, (thresholds.stop, thresholds.warn)))
     least = float(shown[np.isfinite(shown) & (shown > 0.0)].min(initial=max(high, warn)))
-    bend = least if least in (limits.stop, limits.warn) else 1.0 / _round(1.0 / least)
+    bend = least if least in (thresholds.stop, thresholds.warn) else 1.0 / _round(1.0 / least)
     return {"auto": False, "range": (_round(low), _round(high)), "distr": 4, "asinh": bend}
 
 
-def ticks(scale: dict, limits: Thresholds) -> tuple[float, ...]:
+def ticks(scale: dict, thresholds: Thresholds) -> tuple[float, ...]:
     """Return the clearances (k,), ascending, that get a number beside a logarithmic scale.
 
     Candidates are the thresholds and contact, then powers of ten from the greatest down, then five
@@ -213,7 +215,7 @@ def ticks(scale: dict, limits: Thresholds) -> tuple[float, ...]:
 
     Args:
         scale: from `scale_of`.
-        limits: the thresholds, in the unit of the plot.
+        thresholds: the thresholds, in the unit of the plot.
     """
     low, high = scale["range"]
     bend = scale["asinh"]
@@ -221,7 +223,7 @@ def ticks(scale: dict, limits: Thresholds) -> tuple[float, ...]:
     least = span * LABEL / (HEIGHT - BELOW - PADDING[0])
     outermost = max(high, -low)
     powers = range(int(np.floor(np.log10(outermost))), int(np.floor(np.log10(bend))) - 1, -1)
-    wanted = [limits.stop, limits.warn, 0.0]
+    wanted = [thresholds.stop, thresholds.warn, 0.0]
     for factor in (1, 5, 2):
         for power in powers:
             value = float(f"{factor}e{power}")  # a product could have rounding digits
@@ -246,13 +248,13 @@ def _round(value: float) -> float:
     return float(np.copysign(factor * power, value))
 
 
-def _scales(scale: dict, limits: Thresholds) -> dict:
+def _scales(scale: dict, thresholds: Thresholds) -> dict:
     """Return uPlot's options for the scales and for the numbers beside them."""
     beside: dict = {"size": 60}
     if "asinh" in scale:
         # On this scale uPlot drops powers of ten by their place in a list, so 0 may be the only
         # number left, and it never marks the thresholds.
-        at = ticks(scale, limits)
+        at = ticks(scale, thresholds)
         beside |= {"splits": at, "filter": at, "values": tuple(f"{x:g}" for x in at)}
     cover = {"auto": False, "range": (0.1, 0.9)}  # so that 0 and 1 lie beyond the edges
     return {

@@ -19,6 +19,7 @@ from proximity_monitor.display.state import OVERLAPPING, Frame, SceneInfo
 from proximity_monitor.display.style import STYLE
 from proximity_monitor.display.unlisted import reason, sign_of
 from proximity_monitor.display.view import View
+from proximity_monitor.scene.naming import counted
 
 CONTROLS = "56px"
 """Height of the controls below the report: play, pause and seek."""
@@ -83,7 +84,7 @@ def report(scene: SceneInfo, session: Session, last: Frame, played: str) -> str:
     unit, pairs = scene.unit, last.pairs
     rows = []
     for a, b in dict.fromkeys((*pairs.names, *session.pairs)):
-        found, limits = session.worst((a, b)), scene.thresholds_of((a, b))
+        found, thresholds = session.worst((a, b)), scene.thresholds_of((a, b))
         i = pairs.places.get((a, b))
         if i is None:
             shown, end = sign_of((a, b), pairs, scene), reason((a, b), pairs, scene)
@@ -101,12 +102,13 @@ def report(scene: SceneInfo, session: Session, last: Frame, played: str) -> str:
                 f"<td class=pm-num>{smallest}</td><td class=pm-num>{when}</td>"
                 f"<td class=pm-num>{end}</td>"
                 f'<td class=pm-sign style="color:{shown.colour}">{shown.glyph} {shown.word}</td>'
-                f"<td class=pm-num>{length(limits.warn, unit)}</td>"
-                f"<td class=pm-num>{length(limits.stop, unit)}</td></tr>",
+                f"<td class=pm-num>{length(thresholds.warn, unit)}</td>"
+                f"<td class=pm-num>{length(thresholds.stop, unit)}</td></tr>",
             )
         )
     rows.sort(key=lambda row: row[0])
     start, end = session.span_s
+    many = counted(len(rows), "pair that was", "pairs that were")
     if session.thinned_s is not None:
         played += f", thinned to one in {session.thinned_s:.1f} s"
     return (
@@ -114,7 +116,7 @@ def report(scene: SceneInfo, session: Session, last: Frame, played: str) -> str:
         f"bottom:{CONTROLS};max-height:40vh;overflow:auto;background:#fffe;color:#222;"
         "padding:8px 12px;"
         'border:1px solid #8886;border-radius:6px;z-index:10">'
-        f"<summary><b>{escape(scene.name)}</b>: {len(rows)} pairs that were listed,"
+        f"<summary><b>{escape(scene.name)}</b>: {many} listed,"
         f" {end - start:.1f} s (plays {played}), nearest first</summary>"
         "<table class=pm-table><tr><th>pair</th>"
         "<th class=pm-num>smallest</th><th class=pm-num>at</th><th class=pm-num>at the end</th>"

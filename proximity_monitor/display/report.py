@@ -15,10 +15,11 @@ from proximity_monitor.display.decisions import NEW
 from proximity_monitor.display.events import Event
 from proximity_monitor.display.export import csv_of
 from proximity_monitor.display.found import Conflict, moment
-from proximity_monitor.display.order import kind_of
-from proximity_monitor.display.signs import Sign, clearance, length, number, sign
+from proximity_monitor.display.order import Margin, kind_of, margin_of
+from proximity_monitor.display.signs import Sign, clearance, length, margin, number, sign
 from proximity_monitor.display.snapshot import Snapshot
-from proximity_monitor.display.state import Frame, SceneInfo, Unit
+from proximity_monitor.display.state import Frame, Pairs, SceneInfo, Unit
+from proximity_monitor.scene.naming import counted
 
 PICTURES = 40
 """How many conflicts have a picture, the worst first."""
@@ -72,20 +73,20 @@ def report_html(
         of_events: PNG files of some changes of state, by the events' numbers.
     """
     start, end = span_s
-    limits = scene.thresholds
+    thresholds = scene.thresholds
     made = datetime.now(UTC).isoformat(" ", "seconds")[:-6]
-    watched = _counted(scene.pairs, "pair is", "pairs are")
-    count = _counted(len(found), "conflict", "conflicts")
+    watched = counted(scene.pairs, "pair is", "pairs are")
+    count = counted(len(found), "conflict", "conflicts")
     rest = len(found) - len(pictures)
-    without = f" {_counted(rest, 'has', 'have')} no picture." if rest else ""
+    without = f" {counted(rest, 'has', 'have')} no picture." if rest else ""
     told = [
         _HEAD,
         f"<title>Conflicts of {escape(scene.name)}</title></head><body>",
         f"<h1>Conflicts of {escape(scene.name)}</h1><p>{escape(scene.description)}</p>",
         f"<p>Made {made} UTC, from a session of {end - start:.1f} s that ended at"
         f" {moment(end, start)}. {watched} watched, {count} found. Unless a pair has its own"
-        f" limits, warn is {length(limits.warn, scene.unit)} and stop"
-        f" {length(limits.stop, scene.unit)}. Every"
+        f" thresholds, warn is {length(thresholds.warn, scene.unit)} and stop"
+        f" {length(thresholds.stop, scene.unit)}. Every"
         f" clearance is certified to lie between its two bounds.{without}</p>",
     ]
     for conflict in found:
@@ -109,7 +110,7 @@ def _section(
     start: float,
 ) -> str:
     pair, unit = conflict.pair, scene.unit
-    name, limits = escape(" - ".join(pair)), scene.thresholds_of(pair)
+    name, thresholds = escape(" - ".join(pair)), scene.thresholds_of(pair)
     alts = (f"{name} at its smallest clearance", f"a section through the gap of {name} then")
     images = "".join(_image(each, alt) for each, alt in zip(pictures, alts, strict=False))
     row = last.pairs.places.get(pair)
@@ -121,8 +122,9 @@ def _section(
         rows += _smallest(conflict.worst, conflict.lowest, pair, scene, start)
     if row is not None:
         end = f"{_shown(sign(last.pairs, row, scene))}, {clearance(last.pairs, row, unit)}"
-        rows.append(("at the end", end))
-    rows.append(("limits", f"warn {length(limits.warn, unit)}, stop {length(limits.stop, unit)}"))
+        rows.append(("at the end", f"{end}{_margin(last.pairs, row, scene)}"))
+    own = f"warn {length(thresholds.warn, unit)}, stop {length(thresholds.stop, unit)}"
+    rows.append(("thresholds", own))
     table = "".join(f"<tr><th>{key}</th><td>{value}</td></tr>" for key, value in rows)
     return (
         f"<section><h2>{name}</h2><div class=seen>{images}</div><table>{table}</table>"
@@ -146,11 +148,16 @@ def _smallest(
         (
             "smallest clearance",
             f"{_shown(sign(told, 0, scene))}, lower bound {length(worst.lower, unit)}, upper bound"
-            f" {length(worst.upper, unit)}{ever}",
+            f" {length(worst.upper, unit)}{ever}{_margin(told, 0, scene)}",
         ),
         ("at", moment(worst.stamp_s, start)),
         ("closest points", f"{' and '.join(points)} {unit.symbol}, in {escape(scene.frame)}"),
     ]
+
+
+def _margin(pairs: Pairs, row: int, scene: SceneInfo) -> str:
+    found = margin(pairs, row, scene)
+    return f"; {found}" if found else ""
 
 
 def _decision(conflict: Conflict, now: str, upper: float, unit: Unit) -> str:
@@ -184,10 +191,6 @@ def _bounds(lower: float | None, upper: float | None, unit: Unit) -> str:
     return f" at {f'{low} … ' if low not in ('', high) else ''}{high} {unit.symbol}"
 
 
-def _counted(count: int, one: str, many: str) -> str:
-    return f"{count} {one if count == 1 else many}"
-
-
 def _shown(shown: Sign) -> str:
     return f"<b>{shown.glyph} {escape(shown.word)}</b>"
 
@@ -210,7 +213,7 @@ def _events(
     more = len(conflict.events) - EVENTS
     rest = ""
     if more > 0:
-        left = _counted(more, "older change is", "older changes are")
+        left = counted(more, "older change is", "older changes are")
         rest = f"<p class=dim>{left} left out.</p>"
     return (
         f"<table><tr><th>moment</th><th>change</th><th class=n>lower [{unit.symbol}]</th>"
@@ -232,16 +235,22 @@ def conflicts_csv(
     head += [f"decided_{which} [{s}]" for which in ("lower", "upper")]
     head += ["worst_state"]
     head += [f"{which} [{s}]" for which in ("min_lower", "min_upper", "session_min_lower")]
+    head += [f"min_margin [{s}]", "min_margin_to"]
     head += ["min_stamp [s]", "min_session [s]"]
     head += [f"{axis}_{body} [{s}]" for body in "ab" for axis in "xyz"]
-    head += ["state", *(f"{which} [{s}]" for which in ("lower", "upper", "warn", "stop")), "events"]
+    head += ["state", *(f"{which} [{s}]" for which in ("lower", "upper", "warn", "stop"))]
+    head += [f"margin [{s}]", "margin_to", "events"]
     rows = []
     for each in found:
         worst, row, decision = each.worst, pairs.places.get(each.pair), each.decision
         nothing = [np.nan] * 8
         lengths = nothing if worst is None else [worst.lower, worst.upper, *worst.points.ravel()]
         low, high, *points = (x / unit.to_metre for x in lengths)
-        limits = scene.thresholds_of(each.pair)
+        thresholds = scene.thresholds_of(each.pair)
+        then = Margin("", math.nan)
+        if worst is not None:
+            then = margin_of(worst.frame(each.pair).pairs, 0, scene)
+        last_margin = Margin("", math.nan) if row is None else margin_of(pairs, row, scene)
         now = [np.nan, np.nan] if row is None else [pairs.lower[row], pairs.upper[row]]
         rows.append(
             [
@@ -255,11 +264,15 @@ def conflicts_csv(
                 low,
                 high,
                 each.lowest / unit.to_metre,
+                then.metres / unit.to_metre,
+                then.to,
                 "" if worst is None else f"{worst.stamp_s:.9f}",
                 "" if worst is None else f"{worst.stamp_s - span_s[0]:.3f}",
                 *points,
                 "" if row is None else sign(pairs, row, scene).word.lower(),
-                *(x / unit.to_metre for x in (*now, limits.warn, limits.stop)),
+                *(x / unit.to_metre for x in (*now, thresholds.warn, thresholds.stop)),
+                last_margin.metres / unit.to_metre,
+                last_margin.to,
                 len(each.events),
             ]
         )

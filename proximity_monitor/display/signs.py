@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from proximity_monitor.display import fresh
+from proximity_monitor.display.order import margin_of
 from proximity_monitor.display.state import (
     BOUNDED,
     OVERLAPPING,
@@ -86,10 +87,10 @@ def sign(pairs: Pairs, row: int, scene: SceneInfo) -> Sign:
 
 
 def unproved(pairs: Pairs, row: int, scene: SceneInfo) -> bool:
-    """Return whether a pair at warn or stop may be above that limit: its bounds enclose it."""
-    limits = scene.thresholds_of(pairs.names[row])
-    limit = limits.stop if pairs.level[row] == STOP else limits.warn
-    return bool(pairs.lower[row] <= limit < pairs.upper[row])
+    """Return whether a pair at warn or stop may be above that threshold: its bounds enclose it."""
+    thresholds = scene.thresholds_of(pairs.names[row])
+    threshold = thresholds.stop if pairs.level[row] == STOP else thresholds.warn
+    return bool(pairs.lower[row] <= threshold < pairs.upper[row])
 
 
 def all_unproved(pairs: Pairs, scene: SceneInfo) -> np.ndarray:
@@ -97,12 +98,12 @@ def all_unproved(pairs: Pairs, scene: SceneInfo) -> np.ndarray:
 
     Args:
         pairs: the pairs of a tick.
-        scene: has the limits.
+        scene: has the thresholds.
     """
-    warn, stop = scene.limits_of(pairs.names)
-    limit = np.where(pairs.level == STOP, stop, warn)
+    warn, stop = scene.warn_and_stop(pairs.names)
+    threshold = np.where(pairs.level == STOP, stop, warn)
     near = (pairs.level == STOP) | (pairs.level == WARN)
-    return near & (pairs.lower <= limit) & (limit < pairs.upper)
+    return near & (pairs.lower <= threshold) & (threshold < pairs.upper)
 
 
 def mark(shown: Sign) -> str:
@@ -151,6 +152,12 @@ def between(lower: float, upper: float, overlapping: bool, unit: Unit) -> str:
     return f"{both} {unit.symbol}{' deep' if overlapping else ''}"
 
 
+def margin(pairs: Pairs, row: int, scene: SceneInfo) -> str:
+    """Return a pair's margin for people; empty if the pair is stale."""
+    found = margin_of(pairs, row, scene)
+    return f"margin to {found.to}: at least {length(found.metres, scene.unit)}" if found.to else ""
+
+
 def feature(told: str) -> str:
     """Return, for people, on what a closest point lies, such as ``patch 4, u 1.000, v 0.804``."""
     kind, index, *where = told.split()
@@ -166,7 +173,7 @@ def uncertain(pairs: Pairs, row: int) -> bool:
     return bool(pairs.status[row] == BOUNDED)
 
 
-def ramp(lower: float, limits: Thresholds, *, touching: bool, stale: bool) -> np.ndarray:
+def ramp(lower: float, thresholds: Thresholds, *, touching: bool, stale: bool) -> np.ndarray:
     """Return the colour (3,), 0 to 255, of a clearance against its thresholds.
 
     `lower`, the certified lower bound, determines it. At or below `stop` it is the colour of stop.
@@ -177,8 +184,8 @@ def ramp(lower: float, limits: Thresholds, *, touching: bool, stale: bool) -> np
         return _STALE
     if touching:
         return _CONTACT
-    warn = max(limits.warn, limits.stop, 1e-12)
-    places = (limits.stop, warn, 2.0 * warn, 4.0 * warn)
+    warn = max(thresholds.warn, thresholds.stop, 1e-12)
+    places = (thresholds.stop, warn, 2.0 * warn, 4.0 * warn)
     for near, far, first, last in zip(
         places, places[1:], (_STOP, _WARN, _CLEAR), (_WARN, _CLEAR, _FAR), strict=False
     ):

@@ -110,7 +110,7 @@ class SceneInfo:
         try:
             told: dict[str, Any] = json.loads(text)
             refuse_surrogates(told)
-            limits = told["own_thresholds"]
+            thresholds = told["own_thresholds"]
             return cls(
                 name=told["name"],
                 description=told["description"],
@@ -121,7 +121,7 @@ class SceneInfo:
                 pairs=told["pairs"],
                 thresholds=Thresholds(**told["thresholds"]),
                 own_thresholds={
-                    (each.pop("a"), each.pop("b")): Thresholds(**each) for each in limits
+                    (each.pop("a"), each.pop("b")): Thresholds(**each) for each in thresholds
                 },
                 own_parameters=told["own_parameters"],
                 settings=told["settings"],
@@ -161,19 +161,19 @@ class SceneInfo:
         """Return the thresholds of a pair, given by the names of its bodies."""
         return self.own_thresholds.get(pair, self.thresholds)
 
-    def limits_of(self, names: PairNames) -> tuple[np.ndarray, np.ndarray]:
+    def warn_and_stop(self, names: PairNames) -> tuple[np.ndarray, np.ndarray]:
         """Return warn (k,) and stop (k,) of pairs, given by their names, in metres."""
-        known = self._limits.get("last")
+        known = self._warn_and_stop.get("last")
         if known is None or known[0] is not names:  # most ticks share the same names
             common, own = self.thresholds, self.own_thresholds
             warn, stop = (np.full(len(names), x, float) for x in (common.warn, common.stop))
             for i in [i for i, name in enumerate(names) if name in own] if own else ():
                 warn[i], stop[i] = own[names[i]].warn, own[names[i]].stop
-            known = self._limits["last"] = (names, warn, stop)
+            known = self._warn_and_stop["last"] = (names, warn, stop)
         return known[1:]
 
     @cached_property
-    def _limits(self) -> dict[str, tuple]:
+    def _warn_and_stop(self) -> dict[str, tuple]:
         return {}
 
 

@@ -9,7 +9,8 @@ STYLE = (
     + """<style>
 .pm { font: 13px/1.45 system-ui, sans-serif; color: inherit; margin: 0 10px 8px;
       font-variant-numeric: tabular-nums; overflow-wrap: anywhere; }
-.pm-line { display: flex; align-items: center; gap: 8px; }
+/* The panel is as wide as its widest content, so a long line must not count. */
+.pm-line { display: flex; align-items: center; gap: 8px; contain: inline-size; }
 div:has(> #pm-connection) { position: sticky; top: 0; z-index: 5;
                             background: var(--mantine-color-body); }
 /* In a box with hidden overflow it would not stick. */
@@ -21,7 +22,8 @@ div:has(> #pm-connection) { position: sticky; top: 0; z-index: 5;
            white-space: nowrap; }
 .pm-banner { border-radius: 6px; padding: 1px 10px; border: 2px solid; background: #fff;
              color: #222; line-height: 1.35; display: grid;
-             grid: 1.35em 1.35em / auto minmax(0, 1fr) auto; column-gap: 8px; }
+             grid: 1.35em 1.35em / auto minmax(0, 1fr) auto; column-gap: 8px;
+             contain: inline-size; }
 .pm-banner > * { grid-row: 1; }
 .pm-banner .pm-both { grid-row: 1 / 3; overflow: hidden; }
 .pm-banner .pm-figures { grid-area: 2 / 1 / 3 / 4; display: flex; gap: 4px; min-width: 0; }

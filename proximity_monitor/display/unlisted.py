@@ -11,6 +11,7 @@ from typing import NamedTuple
 from proximity_monitor.display.choice import PairName
 from proximity_monitor.display.signs import CLEAR_SIGN, STALE_SIGN, UNWATCHED_SIGN, Sign
 from proximity_monitor.display.state import Health, Pairs, SceneInfo
+from proximity_monitor.scene.naming import counted
 
 _TOLD = {
     CLEAR_SIGN: "beyond its range",
@@ -33,13 +34,14 @@ class Unlisted(NamedTuple):
     @property
     def lines(self) -> list[str]:
         """Return the counts that are not 0, in words."""
-        told = {
-            "beyond their range": self.far,
-            "without a recent pose and not listed": self.unsure,
-            "not watched: their bodies are attached to each other": self.unwatched,
-            "not listed": self.unexplained,
-        }
-        return [f"{count} {what}" for what, count in told.items() if count]
+        attached = "not watched: {} bodies are attached to each other"
+        told = (
+            (self.far, "beyond its range", "beyond their range"),
+            (self.unsure, *2 * ("without a recent pose and not listed",)),
+            (self.unwatched, attached.format("its"), attached.format("their")),
+            (self.unexplained, *2 * ("not listed",)),
+        )
+        return [counted(*each) for each in told if each[0]]
 
 
 def unlisted(pairs: Pairs, scene: SceneInfo, health: Health | None) -> Unlisted:

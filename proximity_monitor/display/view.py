@@ -109,9 +109,29 @@ def zoom(camera: viser.CameraHandle, ends: np.ndarray) -> None:
     across = facing(ends, np.array(camera.position))
     least = 2.0 * math.tan(camera.fov / 2.0) * min(1.0, camera.aspect)
     distance = max(float(np.linalg.norm(ends[1] - ends[0])) / (FILL * least), NEAREST)
+    look(camera, middle + distance * across, middle)
+
+
+def approach(camera: viser.CameraHandle, ends: np.ndarray, least: float) -> None:
+    """Move a camera along its line to the middle of a gap until it is `least` away, or farther.
+
+    Args:
+        camera: the camera.
+        ends: (2, 3) the ends of the gap.
+        least: its distance from a small gap.
+    """
+    middle = ends.mean(axis=0)
+    away = np.array(camera.position) - middle
+    away /= np.linalg.norm(away) or 1.0
+    distance = max(4.0 * float(np.linalg.norm(ends[1] - ends[0])), least)
+    place(camera, middle + distance * away, middle)
+
+
+def look(camera: viser.CameraHandle, position: np.ndarray, look_at: np.ndarray) -> None:
+    """Put a camera at a position (3,) that may be very near to the point (3,) it looks at."""
     with camera.client.atomic():
         camera.min_orbit_distance = NEAREST / 10.0
-        place(camera, middle + distance * across, middle)
+        place(camera, position, look_at)
         adapt(camera)
 
 

@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from proximity_monitor.motion.bag_file import Track, read_tracks
-from proximity_monitor.motion.motion import Motion, counted, within_period
+from proximity_monitor.motion.motion import Motion, within_period
+from proximity_monitor.scene.naming import counted
 from proximity_monitor.scene.poses import pose_matrices
 
 

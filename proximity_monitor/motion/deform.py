@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from proximity_monitor.motion.motion import Motion, common_period, counted
+from proximity_monitor.motion.motion import Motion, common_period
 from proximity_monitor.scene import load_model
+from proximity_monitor.scene.naming import counted
 
 if TYPE_CHECKING:
     from proximity_monitor.engine import Model

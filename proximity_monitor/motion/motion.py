@@ -94,11 +94,6 @@ class Motion(Protocol):
         """Return one line per effect: what runs, on how many bodies and how fast."""
 
 
-def counted(number: int, one: str, many: str) -> str:
-    """Return e.g. ``1 body`` or ``2 bodies``."""
-    return f"{number} {one if number == 1 else many}"
-
-
 def common_period(periods: Sequence[float]) -> float | None:
     """Return the least common multiple of periods, seconds.
 

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from proximity_monitor.motion import screw
-from proximity_monitor.motion.motion import Motion, counted, within_period
+from proximity_monitor.motion.motion import Motion, within_period
+from proximity_monitor.scene.naming import counted
 
 
 class Script(Motion):

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from proximity_monitor.motion.motion import Motion, counted
+from proximity_monitor.motion.motion import Motion
+from proximity_monitor.scene.naming import counted
 from proximity_monitor.scene.poses import rotations
 
 # How far a direction may be from unit length, two directions from perpendicular, or an offset from

@@ -26,7 +26,6 @@ from rich.live import Live
 
 from proximity_monitor import motion
 from proximity_monitor.engine import compiling
-from proximity_monitor.motion.motion import counted
 from proximity_monitor.ros.node import ProximityMonitor
 from proximity_monitor.ros.page_process import PageProcess, can_show_page
 from proximity_monitor.ros.player import ProximityPlayer
@@ -34,6 +33,7 @@ from proximity_monitor.ros.qos import LATEST
 from proximity_monitor.ros.spin import interruptible, ros, spin
 from proximity_monitor.ros.table import Picture
 from proximity_monitor.scene import Scene, load_scene
+from proximity_monitor.scene.naming import counted
 from proximity_monitor.scene.opening import find_scene
 
 LIVE_PERIOD_S = 0.25
@@ -240,7 +240,8 @@ def _summary(picture: Picture, took_s: float) -> int:
     if not picture.results:
         print(f"The monitor published nothing in {took_s:.1f} s.", file=sys.stderr)
         return 1
-    print(f"\n{took_s:.1f} s, {picture.results} results received; alerts: {len(picture.alerts)}.")
+    results = counted(picture.results, "result", "results")
+    print(f"\n{took_s:.1f} s, {results} received; alerts: {len(picture.alerts)}.")
     for line in picture.changes():
         print(f"  {line}")
     print("Smallest clearance of each pair in this session, nearest first:")

@@ -23,10 +23,10 @@ import numpy as np
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
-from proximity_monitor.motion.motion import counted
 from proximity_monitor.ros.inputs import Inputs
 from proximity_monitor.ros.scene_parameters import Settings
 from proximity_monitor.scene.alerts import Level
+from proximity_monitor.scene.naming import counted
 from proximity_monitor.scene.state import STATUSES, PairStatus, Tick, as_arrays, silence
 from proximity_monitor.scene.unseen import Unseen
 
@@ -148,10 +148,10 @@ class Health:
         if tick is None:
             level, worst = DiagnosticStatus.WARN, "no tick yet"
         elif count[Level.STOP]:
-            level, worst = DiagnosticStatus.ERROR, f"{count[Level.STOP]} pairs at stop"
+            level, worst = DiagnosticStatus.ERROR, _pairs(count, Level.STOP)
         elif count[Level.WARN] or count[Level.STALE]:
             level = DiagnosticStatus.WARN
-            worst = f"{count[Level.WARN]} pairs at warn, {count[Level.STALE]} stale"
+            worst = f"{_pairs(count, Level.WARN)}, {count[Level.STALE]} stale"
         statuses = np.bincount(pairs.status, minlength=len(STATUSES))
         kinds = dict(zip(PairStatus, statuses, strict=True))
         values = {f"pairs {each.value}": str(count[each]) for each in Level}
@@ -203,7 +203,7 @@ class Health:
         if state.waiting:
             wrong.append(f"not attached yet: {_some(list(state.waiting))}")
         if new:
-            wrong.append(f"{new} messages rejected in the last second")
+            wrong.append(f"{counted(new, 'message', 'messages')} rejected in the last second")
         values = {f"rejected: {reason}": str(n) for reason, n in refused.items()}
         values |= {f"points dropped: {name}": str(n) for name, n in state.dropped.items()}
         values |= {f"clouds built: {name}": str(n) for name, n in state.clouds.items()}
@@ -228,7 +228,8 @@ class Health:
                 f"{state.namesakes + 1} nodes are called {self.node}: their results are mixed"
             )
         if new:
-            wrong.append(f"{new} peers with an incompatible quality of service in the last second")
+            peers = counted(new, "peer", "peers")
+            wrong.append(f"{peers} with an incompatible quality of service in the last second")
         level = DiagnosticStatus.WARN if wrong else DiagnosticStatus.OK
         return self._status(
             "outputs", level, "; ".join(wrong) or "all peers are compatible", values
@@ -244,6 +245,10 @@ class Health:
             hardware_id=self.hardware_id,
             values=[KeyValue(key=key, value=value) for key, value in values.items()],
         )
+
+
+def _pairs(count: Mapping[Level, int], level: Level) -> str:
+    return f"{counted(count[level], 'pair', 'pairs')} at {level.value}"
 
 
 def _some(names: Sequence[str]) -> str:

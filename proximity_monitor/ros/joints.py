@@ -21,6 +21,7 @@ from sensor_msgs.msg import JointState
 
 from proximity_monitor.ros.inputs import FURTHEST, FUTURE_TOLERANCE_S
 from proximity_monitor.scene import Robot, Scene
+from proximity_monitor.scene.naming import counted
 
 POSITIONS = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 """Several publishers may each report some of the joints, so more than the latest message counts.
@@ -223,8 +224,8 @@ class JointInputs:
         for name in new[:_NAMED]:
             self._warn(name, "does not belong to a robot in the scene")
         if len(new) > _NAMED:
-            more = f"and {len(new) - _NAMED} more joints do not belong to a robot in the scene"
-            self._node.get_logger().warning(more)
+            more = counted(len(new) - _NAMED, "more joint does", "more joints do")
+            self._node.get_logger().warning(f"and {more} not belong to a robot in the scene")
         self._told.update(new[:_MOST_TOLD])
 
     def _warn(self, name: str, why: str) -> None:

@@ -16,13 +16,13 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from rclpy.parameter import Parameter
 
 from proximity_monitor import engine
-from proximity_monitor.motion.motion import counted
 from proximity_monitor.ros import parameters
 from proximity_monitor.ros.descriptions import Descriptions
 from proximity_monitor.ros.scene_parameters import SceneParameters
 from proximity_monitor.ros.session import Session
 from proximity_monitor.ros.spin import ros, spin
 from proximity_monitor.scene import load_scene
+from proximity_monitor.scene.naming import counted
 from proximity_monitor.scene.opening import find_scene
 
 RCLError = rclpy_implementation.RCLError

@@ -22,13 +22,13 @@ word.
 ``deforming``       names of the bodies that have received a new shape since the start
 ``pairs``           the number of watched pairs
 ``thresholds``      ``warn``, ``stop`` and ``hysteresis`` of the pairs that have none of their own
-``own_thresholds``  a list of pairs with their own: ``a``, ``b`` and the same three limits
+``own_thresholds``  a list of pairs with their own: ``a``, ``b`` and the same three keys
 ``attachments``     the parent's name by the child's, as set
 ``held``            the attachments in force: the child moves with its parent, and its own poses do
                     not count. All others wait until the poses of both are known and fresh
 ``unwatched``       a list of pairs, two names each in the scene's order, that are not watched now
                     because one body holds the other
-``own_parameters``  whether the own thresholds are parameters, ``pairs.<a>.<b>.<limit>``
+``own_parameters``  whether the own thresholds are parameters, ``pairs.<a>.<b>.<key>``
 ``settings``        in force: ``rate_hz``, ``budget_ms``, ``pose_timeout_s``, and ``rel_err`` and
                     ``abs_err``, null if each pair has its own
 ==================  ===========================================================================
@@ -93,7 +93,7 @@ class SceneMessage:
             held: the parent's name by the child's, for attached bodies that are carried now.
             unwatched: the indices of pairs that are not watched because of these attachments.
         """
-        scene, limits = self._scene, settings.thresholds
+        scene, thresholds = self._scene, settings.thresholds
         path, unit = scene.path, scene.unit
         told = {
             "name": path.parent.name if path.name == "scene.yaml" else path.stem,
@@ -108,11 +108,11 @@ class SceneMessage:
             "words": list(words),
             "deforming": sorted(deforming),
             "pairs": len(scene.pairs),
-            "thresholds": _limits(
-                scene.thresholds if self._common is None else limits[self._common]
+            "thresholds": _keys(
+                scene.thresholds if self._common is None else thresholds[self._common]
             ),
             "own_thresholds": [
-                {"a": scene.pairs[i].a, "b": scene.pairs[i].b, **_limits(limits[i])}
+                {"a": scene.pairs[i].a, "b": scene.pairs[i].b, **_keys(thresholds[i])}
                 for i in self._own
             ],
             "attachments": dict(settings.attachments),
@@ -151,5 +151,5 @@ def _body(
     }
 
 
-def _limits(limits: Thresholds) -> dict[str, float]:
-    return {"warn": limits.warn, "stop": limits.stop, "hysteresis": limits.hysteresis}
+def _keys(thresholds: Thresholds) -> dict[str, float]:
+    return {"warn": thresholds.warn, "stop": thresholds.stop, "hysteresis": thresholds.hysteresis}

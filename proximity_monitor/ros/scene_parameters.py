@@ -35,7 +35,7 @@ MAX_PAIRS = 100
 """How many pairs with thresholds of their own may get parameters. If a scene has more such pairs,
 none gets any: a million parameters would take hours to declare, and would help nobody."""
 
-_LIMITS = {"warn": "m", "stop": "m", "hysteresis": "m", "hold_s": "s"}
+_KEYS = {"warn": "m", "stop": "m", "hysteresis": "m", "hold_s": "s"}
 
 
 class Settings(NamedTuple):
@@ -139,15 +139,15 @@ class SceneParameters:
         )
 
     def _declare(self) -> None:
-        for prefix, limits in self._groups.items():
-            for limit, unit in _LIMITS.items():
-                least, most = bounds(f"thresholds.{limit}")
+        for prefix, thresholds in self._groups.items():
+            for key, unit in _KEYS.items():
+                least, most = bounds(f"thresholds.{key}")
                 descriptor = ParameterDescriptor(
-                    description=f"{limit} of {_whose(prefix)}, in {unit}; warn >= stop >= 0.",
+                    description=f"{key} of {_whose(prefix)}, in {unit}; warn >= stop >= 0.",
                     floating_point_range=[FloatingPointRange(from_value=least, to_value=most)],
                 )
-                default = float(getattr(limits, limit))
-                parameters.declare_one(self._node, f"{prefix}.{limit}", default, descriptor)
+                default = float(getattr(thresholds, key))
+                parameters.declare_one(self._node, f"{prefix}.{key}", default, descriptor)
         for word, child in self._attachable.items():
             descriptor = ParameterDescriptor(
                 description=f"The body to which {child} is attached from now on; empty: none."
@@ -158,9 +158,9 @@ class SceneParameters:
         """Take values that are given for pairs.b.a.* as values of pairs.a.b.*."""
         for i in self._own:
             pair = self._scene.pairs[i]
-            for limit in _LIMITS:
-                turned = self._overrides.get(f"pairs.{safe(pair.b)}.{safe(pair.a)}.{limit}")
-                name = f"{self._own[i]}.{limit}"
+            for key in _KEYS:
+                turned = self._overrides.get(f"pairs.{safe(pair.b)}.{safe(pair.a)}.{key}")
+                name = f"{self._own[i]}.{key}"
                 if turned is not None and name not in self._overrides:
                     del self._overrides[turned.name]
                     self._overrides[name] = Parameter(name, turned.type_, turned.value)
@@ -183,7 +183,7 @@ class SceneParameters:
         return f"; did you mean {near[0]}?" if near else ""
 
     def _names(self) -> list[str]:
-        return [f"{prefix}.{limit}" for prefix in self._groups for limit in _LIMITS] + [
+        return [f"{prefix}.{key}" for prefix in self._groups for key in _KEYS] + [
             f"{_ATTACHMENTS}{word}" for word in self._attachable
         ]
 
@@ -193,14 +193,14 @@ class SceneParameters:
     def _thresholds(self) -> tuple[Thresholds, ...]:
         values = self._values()
         groups = {
-            prefix: Thresholds(**{limit: values[f"{prefix}.{limit}"] for limit in _LIMITS})
+            prefix: Thresholds(**{key: values[f"{prefix}.{key}"] for key in _KEYS})
             for prefix in self._groups
         }
         made = [groups["thresholds"]] * len(self._scene.pairs)
         for i, prefix in self._own.items():
             made[i] = groups[prefix]
-        for i, limits in self._fixed.items():
-            made[i] = limits
+        for i, thresholds in self._fixed.items():
+            made[i] = thresholds
         return tuple(made)
 
     def _refusal(

@@ -18,7 +18,6 @@ from rclpy.time import Time as RosTime
 
 from proximity_monitor import engine
 from proximity_monitor.engine import compiling
-from proximity_monitor.motion.motion import counted
 from proximity_monitor.ros import spin
 from proximity_monitor.ros.cloud_bodies import CloudBodies
 from proximity_monitor.ros.diagnostics import Health, NodeState
@@ -38,6 +37,7 @@ from proximity_monitor.scene import Scene
 from proximity_monitor.scene.alerts import Alert, Alerts, Level
 from proximity_monitor.scene.attachments import Samples
 from proximity_monitor.scene.monitor import Monitor
+from proximity_monitor.scene.naming import counted
 from proximity_monitor.scene.opening import load_models
 from proximity_monitor.scene.recording import Recording
 from proximity_monitor.scene.state import NO_POSE_YET, Tick
@@ -272,7 +272,8 @@ class Session:
             else:
                 logger.info(line)
         if len(changes) > LOGGED:
-            logger.warning(f"and {len(changes) - LOGGED} more pairs changed their state")
+            more = counted(len(changes) - LOGGED, "more pair", "more pairs")
+            logger.warning(f"and {more} changed state")
 
     def _say_progress(self, progress: compiling.Progress) -> None:
         """Publish that the node is not ready yet, and why."""

@@ -12,8 +12,8 @@ from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
-from proximity_monitor.motion.motion import counted
 from proximity_monitor.scene import Unit
+from proximity_monitor.scene.naming import counted
 
 _STYLES = {"stop": "bold red", "warn": "bold yellow", "stale": "bold magenta", "clear": "green"}
 """The states of pairs, the most urgent first."""
@@ -90,7 +90,8 @@ class Picture:
             return f"{counted(len(self._pairs), 'pair', 'pairs')} listed: {states or 'none'}"
         watched = counted(int(self._clearance["pairs watched"]), "pair", "pairs")
         beyond = self._clearance["pairs beyond range"]
-        far = f"{beyond} beyond their range" if beyond not in ("0", "nan") else ""
+        whose = "its" if beyond == "1" else "their"
+        far = f"{beyond} beyond {whose} range" if beyond not in ("0", "nan") else ""
         return f"{watched}: {', '.join(filter(None, (states, far)))}"
 
     def rows(self, limit: int) -> list[tuple[str, ...]]:
@@ -178,7 +179,9 @@ class Picture:
 
     def _rest(self, limit: int) -> list[str]:
         more = len(self._pairs) - limit
-        return [f"  and {more} more pairs, none of them nearer"] if more > 0 else []
+        if more <= 0:
+            return []
+        return [f"  and {counted(more, 'more pair, not', 'more pairs, none of them')} nearer"]
 
     def _warnings(self) -> list[str]:
         """Return the diagnostics' warnings, which are up to a second older than the pairs."""

@@ -1,6 +1,7 @@
 """Names of bodies, which may be any text, and the words that stand for them in ROS names.
 
-`rooted` compares topics, because one topic can be written in more than one way.
+`rooted` compares topics, because one topic can be written in more than one way. `counted` puts a
+number of things into words.
 """
 
 from __future__ import annotations
@@ -62,3 +63,8 @@ def fitting(text: str, end: str = "") -> str:
     while " - " in plain:
         plain = plain.replace(" - ", "-")
     return (plain[: _LENGTH - len(end)].strip() or "part") + end
+
+
+def counted(number: int, one: str, many: str) -> str:
+    """Return e.g. ``1 body`` or ``2 bodies``."""
+    return f"{number} {one if number == 1 else many}"

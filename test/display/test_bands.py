@@ -28,7 +28,7 @@ from proximity_monitor.display.bands import (
 from proximity_monitor.display.received import Part
 from proximity_monitor.scene import Thresholds
 
-LIMITS = Thresholds(0.3, 0.1, 0.0)
+THRESHOLDS = Thresholds(0.3, 0.1, 0.0)
 HERE = np.array([0.0, 0, 0, 1, 0, 0, 0])
 PLATE = np.array([[[0, 0, 0], [2, 0, 0], [2, 2, 0]], [[0, 0, 0], [2, 2, 0], [0, 2, 0]]], float)
 
@@ -37,10 +37,12 @@ def part(corners):
     return Part(HERE, np.ones(4), corners.reshape(-1, 3))
 
 
-def point(*place, limits=LIMITS):
+def point(*place, thresholds=THRESHOLDS):
     """Return a point at a place, as another part."""
     return Other(
-        model_of(part(np.zeros((1, 3, 3))), True), matrix(np.array([*place, 1, 0, 0, 0])), limits
+        model_of(part(np.zeros((1, 3, 3))), True),
+        matrix(np.array([*place, 1, 0, 0, 0])),
+        thresholds,
     )
 
 
@@ -67,7 +69,7 @@ def test_a_point_over_the_middle_of_a_plate_makes_bands_where_the_plate_has_no_c
     assert area(corners[of == BELOW_STOP]).sum() == pytest.approx(np.pi * 0.0075, rel=0.1)
 
 
-def test_where_no_point_is_near_a_limit_every_band_is_certain():
+def test_where_no_point_is_near_a_threshold_every_band_is_certain():
     _, of, sampled_m, *_ = bands(PLATE, [point(0.5, 0.5, 0.4)], budget_s=60.0)
     assert (of == ABOVE).all()
     assert sampled_m == 0.0
@@ -83,8 +85,8 @@ def test_a_fit_is_clear_although_its_gap_is_finer_than_the_finest_triangle():
 
 def test_the_worst_of_all_parts_counts_each_with_its_own_limits():
     there = [
-        point(0.5, 0.5, 0.2, limits=Thresholds(0.25, 0.22, 0.0)),
-        point(0.5, 0.5, 0.15, limits=Thresholds(0.1, 0.05, 0.0)),
+        point(0.5, 0.5, 0.2, thresholds=Thresholds(0.25, 0.22, 0.0)),
+        point(0.5, 0.5, 0.15, thresholds=Thresholds(0.1, 0.05, 0.0)),
     ]
     of = bands(PLATE, there, budget_s=60.0).band
     assert (of == BELOW_STOP).any()
@@ -115,7 +117,7 @@ def test_what_is_inside_a_solid_is_below_stop():
     assert model.is_solid
     assert model_of(solid, False) is model
     turned = matrix(np.array([0.3, 0, 0, 0.6, 0, 0.8, 0]))
-    of = bands(PLATE, [Other(model, turned, LIMITS)], budget_s=60.0).band
+    of = bands(PLATE, [Other(model, turned, THRESHOLDS)], budget_s=60.0).band
     assert (of == BELOW_STOP).all()
 
 
@@ -129,9 +131,9 @@ def drawn(model, tolerance):
     return Part(HERE, np.ones(4), corners, solid=model.is_solid, deviation=shown.off)
 
 
-def other(part, *place, limits=LIMITS):
+def other(part, *place, thresholds=THRESHOLDS):
     return Other(
-        model_of(part, False), matrix(np.array([*place, 1, 0, 0, 0])), limits, part.deviation
+        model_of(part, False), matrix(np.array([*place, 1, 0, 0, 0])), thresholds, part.deviation
     )
 
 
@@ -167,14 +169,14 @@ def test_no_band_is_certain_that_depends_on_how_far_what_is_drawn_is_off(own):
                 PLATE.reshape(-1, 3), np.arange(6).reshape(2, 3), deviation=square.deviation
             ),
             matrix(np.array([0, 0, gap, 1, 0, 0, 0])),
-            LIMITS,
+            THRESHOLDS,
             square.deviation,
         )
         found = bands(PLATE, [there], budget_s=60.0, deviation=own)
         assert (found.band == BELOW_WARN).all()  # of the drawn triangles
         assert found.deviation_m == (0.0 if certain else pytest.approx(deviation))
     square.deviation = np.inf
-    unknown = Other(model_of(square, False), np.eye(4), LIMITS, np.inf)
+    unknown = Other(model_of(square, False), np.eye(4), THRESHOLDS, np.inf)
     assert bands(PLATE, [unknown], budget_s=60.0).deviation_m == np.inf
 
 

@@ -21,6 +21,7 @@ from proximity_monitor.display.state import OVERLAPPING, STOP, WARN
 from proximity_monitor.scene import bundled
 
 PAIR = ("螺栓 M8×40", 'plate "A" - left')
+SEEN = '{"version": 1, "conflicts": [{"a": "x", "b": "y", "status": "new", "camera_m": %s}]}'
 FITS = Decision("accepted", "a press fit, 0.02 mm 干涉", "stop", 1e-5, 2e-5, "2026-01-02")
 
 
@@ -58,6 +59,17 @@ def test_a_decision_is_kept_beside_the_scene_and_known_to_the_next_display(scene
     assert following(scene).all == {}
 
 
+def test_the_camera_of_who_decided_is_kept_in_the_file(scene, beside):
+    camera = (0.1, -0.2, 0.3, 0.0, 0.0, 0.05)
+    one, pairs = following(scene), frame(0.0).pairs
+    one.decide(NAMES, decision_now(pairs, 0, "accepted", "", camera))
+    one.decide(PAIR, decision_now(pairs, 0, "accepted", "", (*camera[:5], np.nan)))
+    one.follow(scene, 0.0)
+    kept = following(scene).all
+    assert kept[frozenset(NAMES)].camera == camera
+    assert kept[frozenset(PAIR)].camera is None
+
+
 def test_what_others_wrote_in_the_file_stays_and_is_seen(scene, beside):
     one, two = following(scene), following(scene)
     one.decide(PAIR, FITS)
@@ -85,10 +97,13 @@ def test_what_others_wrote_in_the_file_stays_and_is_seen(scene, beside):
         '{"version": 2, "conflicts": []}',
         '{"version": 1, "conflicts": [{"a": "x", "b": "y", "status": "fine"}]}',
         '{"version": 1, "conflicts": [{"a": "x", "b": "y", "status": "new", "upper_m": NaN}]}',
+        SEEN % "[0, 0, 1, 0, 0]",
+        SEEN % "[0, 0, 1, 0, 0, 1]",
+        SEEN % '"000001"',
         b"\xff\xfe{}",
         '{"version": 1, "conflicts": [{"a": "x", "b": "y", "status": "new", "state": "\\ud83d"}]}',
     ],
-    ids=["cut", "list", "deep", "version", "status", "nan", "bytes", "half a pair"],
+    ids=["cut", "list", "deep", "version", "status", "nan", "five", "eye", "text", "bytes", "half"],
 )
 def test_a_file_that_cannot_be_read_is_named_and_left_and_nothing_is_lost(scene, beside, content):
     data = content if isinstance(content, bytes) else content.encode()

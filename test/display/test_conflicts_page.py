@@ -10,10 +10,13 @@ import signal
 import numpy as np
 import pytest
 from page_hand import (
+    CANVAS,
     CHOSEN,
     DRAWN,
+    ON_SCREEN,
     OPACITY,
     SAVE_MS,
+    SENT,
     button,
     choose,
     decoded,
@@ -32,6 +35,23 @@ pytest.importorskip("viser", reason="viser is not installed: pip install '.[disp
 pytestmark = pytest.mark.long
 
 PAIR = "table - ball"
+# Whether an element's middle is on the screen, without scrolling, and nothing covers it.
+SEEN = """each => {
+  const r = each.getBoundingClientRect();
+  return each.contains(document.elementFromPoint(r.left + r.width / 2, r.top + r.height / 2));
+}"""
+# How wide the panel's content is with a text beside the pill, and how wide the panel is.
+WIDTHS = """text => {
+  const line = document.querySelector('#pm-connection .pm-cut');
+  line.textContent = text;
+  const panel = line.closest('.mantine-ScrollArea-viewport');
+  return [panel.scrollWidth, panel.clientWidth];
+}"""
+# The camera's position, and the point it looks at.
+EYE = """() => {
+  const {camera, cameraControl} = window.__viserMutable;
+  return [camera.position.toArray(), cameraControl.getTarget(camera.position.clone()).toArray()];
+}"""
 GIZMO = "() => window.__viserSceneTree.getState()['/gizmo'].effectiveVisibility"
 
 
@@ -56,6 +76,37 @@ def near(page, sources, wait):
     wait(lambda: row(page, PAIR)[1] == pytest.approx(0.01), "the clearance")
     sources.restore()
     wait(lambda: row(page, PAIR)[0] == pytest.approx(0.2), "the ball to be away")
+
+
+def test_the_buttons_for_the_gap_are_seen_at_once_and_the_margin_is_told(page, wait):
+    """The window has 1000 by 640 pixels. Folders that are open do not push the buttons away."""
+    highlighted(page)
+    wait(lambda: "margin to warn: at least 100.000 mm" in row(page, PAIR)[2], "the margin")
+    for folder in ("Status of the pair", "Filter and group"):
+        page.get_by_text(folder, exact=True).dispatch_event("click")
+    page.wait_for_selector("text=Group by")
+    for name in ("Section through it", "Zoom to the gap", "Whole scene"):
+        assert button(page, name).evaluate(SEEN), name
+    for folder in ("Status of the pair", "Filter and group"):
+        page.get_by_text(folder, exact=True).dispatch_event("click")
+    press(page, CHOSEN)
+
+
+def test_a_long_reason_is_cut_and_makes_the_panel_no_wider(page):
+    told, panel = page.evaluate(WIDTHS, "no recent pose: " + "one of many, " * 20)
+    assert told <= panel
+
+
+def decide(page, wait, status, comment):
+    """Give the highlighted pair a status; return the line about it."""
+    if not field(page, "Comment").is_visible():
+        page.get_by_text("Status of the pair", exact=True).click()
+    note = page.locator("#pm-decided")
+    wait(lambda: PAIR in note.inner_text(), "the pair in the panel")
+    select(page, field(page, "Status"), status)
+    enter(page, "Comment", comment)
+    button(page, "Save the status").click()
+    return note
 
 
 def saved(page, name):
@@ -130,16 +181,57 @@ def test_parts_that_are_attached_move_together_until_they_are_detached(page, sou
     wait(lambda: row(page, PAIR)[0] == pytest.approx(0.2), "the ball to be back")
 
 
+def test_a_press_on_a_conflict_brings_back_the_camera_of_who_decided(page, near, wait):
+    def look_back(what):
+        then = "■ STOP" if what == "conflicts" else "→ ■ STOP"
+        tab(page, "Session")
+        press(page, f"#pm-{what} .pm-row:has-text('{then}'):has-text('{PAIR}')")
+
+    def whole():
+        tab(page, "Session")
+        if button(page, "Back to live").is_enabled():
+            button(page, "Back to live").click()
+        tab(page, "Clearances")
+        button(page, "Whole scene").click()
+        wait(lambda: np.abs(page.evaluate(EYE) - before).max() < 1e-3, "the whole scene")
+
+    tab(page, "Clearances")
+    button(page, "Whole scene").click()
+    page.evaluate(SENT)
+    before = np.array(page.evaluate(EYE))
+    canvas = page.evaluate(CANVAS)
+    middle = canvas["x"] + canvas["width"] / 2, canvas["y"] + canvas["height"] / 2
+    gap = ["/parts/0", [-0.2, 0.0, 0.025 + 0.005]]
+    # Nobody has decided: the camera goes to the gap, which was between 0 and 10 mm above the table.
+    for what in ("conflicts", "events"):
+        look_back(what)
+        wait(lambda: page.evaluate(ON_SCREEN, gap) == pytest.approx(middle, abs=3.0), "the gap")
+        whole()
+    highlighted(page)
+    page.mouse.move(*middle)
+    page.mouse.down()
+    page.mouse.move(middle[0] + 100, middle[1] + 40, steps=5)
+    page.mouse.up()
+    wait(lambda: np.abs(page.evaluate(EYE) - before).max() > 0.1, "the camera to turn")
+    page.evaluate(DRAWN)
+    page.evaluate(SENT)
+    mine = np.array(page.evaluate(EYE))
+    decide(page, wait, "ignored", "seen from here")
+    wait(lambda: "ignored" in row(page, PAIR)[2], "the decision in the list")
+    whole()
+    look_back("conflicts")
+    wait(lambda: np.abs(page.evaluate(EYE) - mine).max() < 1e-3, "the camera of who decided")
+    whole()
+    look_back("events")
+    wait(lambda: np.abs(page.evaluate(EYE) - mine).max() > 0.1, "the gap at the event")
+    whole()
+
+
 def test_a_decision_is_in_the_file_and_on_the_page_of_the_next_display(
     page, display, start_display, scene_file, wait, browser
 ):
     highlighted(page)
-    page.get_by_text("Status of the pair", exact=True).click()
-    note = page.locator("#pm-decided")
-    wait(lambda: PAIR in note.inner_text(), "the pair in the panel")
-    select(page, field(page, "Status"), "accepted")
-    enter(page, "Comment", "hält Abstand 间隙")
-    button(page, "Save the status").click()
+    note = decide(page, wait, "accepted", "hält Abstand 间隙")
     told = "accepted at 200.000 mm: hält Abstand 间隙"
     wait(lambda: told in note.inner_text(), "the decision in the panel")
     wait(lambda: told in row(page, PAIR)[2], "the decision in the list")

@@ -195,7 +195,7 @@ def test_ignored_pairs_raise_no_alert_but_nothing_is_green_unless_they_are_clear
     assert CLEAR_SIGN.colour in told
 
 
-def test_what_is_not_proved_above_a_limit_reads_otherwise_than_what_is_below():
+def test_what_is_not_proved_above_a_threshold_reads_otherwise_than_what_is_below():
     given = frame(level=(0, 0, STOP))
     sure = banner(given, SCENE, Choice(), LIVE)
     assert words(sure) == "■ STOP b - c: 10.000 mm, stop at 20.000 mm"
@@ -206,7 +206,7 @@ def test_what_is_not_proved_above_a_limit_reads_otherwise_than_what_is_below():
     )
 
 
-def test_the_worst_state_comes_first_then_the_least_margin_to_the_pair_s_own_limit():
+def test_the_worst_state_comes_first_then_the_least_margin_to_the_pair_s_own_threshold():
     scene = replace(SCENE, own_thresholds={("a", "c"): Thresholds(0.3, 0.25, 0.0)})
     both = frame(level=(0, STOP, STOP))  # a - c: 50 mm below its own, b - c: 10 mm
     assert "STOP a - c: 200.000 mm" in words(banner(both, scene, Choice(), LIVE))

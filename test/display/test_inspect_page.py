@@ -212,7 +212,7 @@ def test_the_bore_is_coloured_by_the_peg_s_clearance(page, put, wait):
     page.get_by_text("Picture", exact=True).click()
 
 
-@pytest.mark.parametrize("scale", ["Log", "Limits"])
+@pytest.mark.parametrize("scale", ["Log", "Thresholds"])
 def test_the_plot_tells_fits_apart_after_a_long_way_and_shows_the_thresholds(
     page, put, eventually, scale
 ):

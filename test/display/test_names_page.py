@@ -125,11 +125,11 @@ def test_thresholds_of_such_a_pair_are_set_by_the_sliders(page, wait):
     press(page, f"#pm-pairs .pm-row:has-text('{CHINESE}')")
     wait(lambda: page.locator(CHOSEN).count() == 1, "the pair to be highlighted")
     pair = page.locator(CHOSEN).get_attribute("data-pair")
-    tab(page, "Limits")
+    tab(page, "Settings")
     wait(lambda: page.get_by_text(f"of {pair}", exact=True).count(), "its own thresholds")
     enter(page, "warn [mm]", "7", 1)
-    bar = page.locator(f"{CHOSEN} .pm-bar")
-    wait(lambda: "warn 7.000 mm" in bar.get_attribute("title"), "the monitor to take it")
+    told = page.locator(f"{CHOSEN} .pm-num")
+    wait(lambda: "warn 7.000 mm" in told.get_attribute("title"), "the monitor to take it")
 
 
 def test_no_list_is_wider_than_the_panel(page, wait):

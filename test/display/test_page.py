@@ -267,8 +267,8 @@ def test_the_list_is_searched_and_pairs_are_ignored_and_watched_again(page, wait
 @pytest.mark.parametrize(
     "i, name, factor", [(0, "thresholds.warn", 1e-3), (3, "budget_ms", 1.0)], ids=["warn", "budget"]
 )
-def test_limits_are_the_monitor_s_parameters(page, sources, wait, eventually, i, name, factor):
-    tab(page, "Limits")
+def test_settings_are_the_monitor_s_parameters(page, sources, wait, eventually, i, name, factor):
+    tab(page, "Settings")
     page.wait_for_selector("#pm-cost >> text=of the budget")
     slider = page.get_by_role("slider").and_(page.locator(":visible")).nth(i)
 

@@ -19,8 +19,8 @@ pytest.importorskip("viser", reason="viser is not installed: pip install '.[disp
 from page_alone import CORNERS, HERE, NAMES, SCENE, THERE, drag, frame, words
 from raw_browser import RawBrowser
 
+from proximity_monitor.display import labels, tried
 from proximity_monitor.display import pages as all_pages
-from proximity_monitor.display import tried
 from proximity_monitor.display.bridge import pair_word
 from proximity_monitor.display.received import Part
 from proximity_monitor.display.state import STOP, Health
@@ -29,6 +29,26 @@ from proximity_monitor.display.state import STOP, Health
 @pytest.fixture
 def page(alone):
     return alone
+
+
+def numbers(page):
+    """Return the clearance in the list and the one on the label, as texts."""
+    label = page.all._labels._nodes[0]
+    assert label.visible
+    return re.search(r"[\d.]+ mm", words(page.all._table))[0], label.text.split("\n")[0][2:]
+
+
+def test_the_labels_are_of_the_tick_that_the_list_shows(page, monkeypatch):
+    monkeypatch.setattr(labels, "places", lambda all, *_: [np.zeros(2)] * len(all))
+    page.all._labels._every_s = np.inf  # a moving camera alone would not place them anew
+    for stamp_s, clearance in ((1.0, 0.25), (2.0, 0.24), (3.0, 0.23)):
+        page.tell(frame=frame(stamp_s, clearance))
+        told = f"{1e3 * clearance:.3f} mm"
+        assert numbers(page) == (told, told)
+    page.all._table_due_s = np.inf  # a long list is updated less often
+    page.all._labels._every_s, page.all._labels._due_s = 0.0, -np.inf
+    page.tell(frame=frame(4.0, 0.22))
+    assert numbers(page) == (told, told)
 
 
 def test_an_error_in_one_browser_s_page_is_shown_there_logged_once_and_survived(
@@ -181,10 +201,10 @@ def test_what_was_tried_in_one_scene_is_not_told_in_another(page):
     times = {"search_p50_ms": "1.25", "search_p99_ms": "2.5", "message": ""}
     for _ in range(3):
         page.tell(health=Health(times))
-    assert "Search now: 1.25 ms" in words(page.all._limits._cost)
-    assert "1.25 2.50 0.000 mm 0" in words(page.all._limits._cost)
+    assert "Search now: 1.25 ms" in words(page.all._settings._cost)
+    assert "1.25 2.50 0.000 mm 0" in words(page.all._settings._cost)
     page.tell(scene=replace(SCENE, name="another"), health=Health(times))
-    told = words(page.all._limits._cost)
+    told = words(page.all._settings._cost)
     assert "1.25 ms a tick" in told
     assert "1.25 2.50" not in told.split("tried in this scene")[1]
 

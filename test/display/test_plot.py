@@ -17,7 +17,7 @@ pytest.importorskip("viser", reason="viser is not installed: pip install '.[disp
 
 from proximity_monitor.display import plot as plots
 from proximity_monitor.display.choice import Choice
-from proximity_monitor.display.plot import LIMITS, LOG, Plot
+from proximity_monitor.display.plot import LOG, THRESHOLDS, Plot
 from proximity_monitor.display.session import Session
 from proximity_monitor.display.state import STALE, Thresholds
 
@@ -84,14 +84,14 @@ def levels(frame, *given):
 
 
 def test_limits_are_shared_where_warn_and_stop_are_the_same():
-    assert plots.shared_limits(ALIKE, ()) == WIDE
-    assert plots.shared_limits(UNLIKE, ()) is None
-    assert plots.shared_limits(UNLIKE, {FAR}) == WIDE
-    assert plots.shared_limits(UNLIKE, {NEAR}) == TIGHT
+    assert plots.shared_thresholds(ALIKE, ()) == WIDE
+    assert plots.shared_thresholds(UNLIKE, ()) is None
+    assert plots.shared_thresholds(UNLIKE, {FAR}) == WIDE
+    assert plots.shared_thresholds(UNLIKE, {NEAR}) == TIGHT
     steady = replace(WIDE, hysteresis=0.01)
-    assert plots.shared_limits(replace(ALIKE, own_thresholds={FAR: steady}), ()) is not None
+    assert plots.shared_thresholds(replace(ALIKE, own_thresholds={FAR: steady}), ()) is not None
     every = replace(ALIKE, own_thresholds={NEAR: TIGHT, FAR: TIGHT})
-    assert plots.shared_limits(every, ()) == TIGHT
+    assert plots.shared_thresholds(every, ()) == TIGHT
 
 
 def test_thresholds_are_those_of_the_pair_that_is_nearest_now_if_they_differ(shown):
@@ -127,11 +127,13 @@ def test_no_clearance_known_leaves_the_thresholds_of_the_scene(shown):
     assert (data[4][0], data[5][0]) == (100.0, 20.0)
 
 
-@pytest.mark.parametrize("limits", [(0.015, 0.005), (5.0, 1.5), (5.0, 0.0), (0.0, 0.0)])
+@pytest.mark.parametrize("thresholds", [(0.015, 0.005), (5.0, 1.5), (5.0, 0.0), (0.0, 0.0)])
 @pytest.mark.parametrize("low", [0.0, -0.1])
-def test_no_positive_clearance_looks_like_contact(limits, low):
-    limits = Thresholds(*limits, 0.0)
-    scale = plots.scale_of(LOG, limits, np.array([0.02, low, np.nan]), np.array([0.02, 0.02, 0.0]))
+def test_no_positive_clearance_looks_like_contact(thresholds, low):
+    thresholds = Thresholds(*thresholds, 0.0)
+    scale = plots.scale_of(
+        LOG, thresholds, np.array([0.02, low, np.nan]), np.array([0.02, 0.02, 0.0])
+    )
     (bottom, top), bend = (np.array(scale["range"]), scale["asinh"])
     span = np.arcsinh(top / bend) - np.arcsinh(bottom / bend)
     pixels = np.arcsinh(0.02 / bend) / span * (plots.HEIGHT - plots.BELOW - plots.PADDING[0])
@@ -159,9 +161,9 @@ def test_what_belongs_to_another_scene_goes(shown):
 @pytest.mark.parametrize("low", [0.0, -0.02, -3.0])
 @pytest.mark.parametrize(("warn", "stop"), [(0.03, 0.005), (100.0, 20.0), (5.0, 0.0), (2.0, 1.9)])
 def test_the_logarithmic_scale_has_numbers_that_do_not_overlap(warn, stop, low, high):
-    limits = Thresholds(warn, stop, 0.0)
-    scale = plots.scale_of(LOG, limits, np.array([low, high]), np.array([low, high]))
-    at = np.array(plots.ticks(scale, limits))
+    thresholds = Thresholds(warn, stop, 0.0)
+    scale = plots.scale_of(LOG, thresholds, np.array([low, high]), np.array([low, high]))
+    at = np.array(plots.ticks(scale, thresholds))
     (bottom, top), bend = scale["range"], scale["asinh"]
     pixels = np.arcsinh(at / bend) - np.arcsinh(bottom / bend)
     pixels *= (plots.HEIGHT - plots.BELOW - plots.PADDING[0]) / (
@@ -181,22 +183,22 @@ def test_the_numbers_beside_the_plot_are_told_for_the_logarithmic_scale_alone(sh
     beside = shown.gui.plots[-1].axes[1]
     assert {"0", "1", "2", "10"} <= set(beside["values"])
     assert len(beside["values"]) == len(beside["splits"]) == len(beside["filter"])
-    shown.gui.scale.value = LIMITS
+    shown.gui.scale.value = THRESHOLDS
     shown.show()
     assert "splits" not in shown.gui.plots[-1].axes[1]
 
 
-@pytest.mark.parametrize("kind", [LOG, LIMITS])
+@pytest.mark.parametrize("kind", [LOG, THRESHOLDS])
 def test_a_search_that_was_cut_does_not_stretch_the_scale(kind):
-    limits = Thresholds(5.0, 1.5, 0.0)
+    thresholds = Thresholds(5.0, 1.5, 0.0)
     lower, upper = np.array([20.0, -400.0, -np.inf, np.nan]), np.array([20.0, 3.0, 30.0, np.nan])
-    assert plots.scale_of(kind, limits, lower, upper)["range"][0] == -5.0
+    assert plots.scale_of(kind, thresholds, lower, upper)["range"][0] == -5.0
 
 
 def test_a_certain_overlap_is_shown_however_deep():
-    limits = Thresholds(5.0, 1.5, 0.0)
+    thresholds = Thresholds(5.0, 1.5, 0.0)
     deep = np.array([20.0, -80.0])
-    assert plots.scale_of(LOG, limits, deep, deep)["range"] == (-100.0, 20.0)
+    assert plots.scale_of(LOG, thresholds, deep, deep)["range"] == (-100.0, 20.0)
 
 
 def at_gaps(stamps, known, period_s=0.1):

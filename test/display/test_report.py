@@ -27,6 +27,7 @@ from proximity_monitor.display.found import conflicts, find, moment
 from proximity_monitor.display.parts import Parts
 from proximity_monitor.display.portraits import Sitting, _aimed, _close
 from proximity_monitor.display.report import conflicts_csv, report_html
+from proximity_monitor.display.report_files import ReportFiles
 from proximity_monitor.display.session import Session
 from proximity_monitor.display.state import OVERLAPPING, STALE, STOP, WARN
 
@@ -64,6 +65,28 @@ def test_the_newest_changes_of_state_have_pictures_the_worst_conflicts_first(mon
     assert [event.stamp_s - 1e9 for event in report.pictured(found)] == [5, 6, 7]
     monkeypatch.setattr(report, "EVENT_PICTURES", 2)
     assert len(report.pictured(found)) == 2
+
+
+def test_a_report_tells_how_many_moments_it_has_taken_and_is_made_once_at_a_time(server):
+    last, session, events = told((0.3, 0), (0.0123456, STOP), (0.3, 0))
+    shared = SimpleNamespace(session=session, events=events, decisions=DecisionStore())
+    said = []
+
+    def taken(*_):
+        said.append((words(made._progress), made._button.disabled))
+        return np.zeros((2, 2, 3), np.uint8)
+
+    camera = SimpleNamespace(take=taken, take_with_gap=lambda *_: [taken()])
+    made = ReportFiles(server.gui, shared, camera, lambda: None, lambda: None)
+    shown = SimpleNamespace(scene=SCENE, newest=last)
+    assert made._report(shown, None).count(b"<img") == 3
+    moments = [f"taking pictures: moment {i} of 3" for i in (1, 2, 3)]
+    assert said == [(moment, True) for moment in moments]
+    assert (words(made._progress), made._button.disabled) == ("", False)
+    camera.take_with_gap = lambda *_: 1 / 0
+    with pytest.raises(ZeroDivisionError):
+        made._report(shown, None)
+    assert (words(made._progress), made._button.disabled) == ("", False)
 
 
 def test_what_is_clear_or_stale_is_none_unless_somebody_decided_about_it():

@@ -161,20 +161,22 @@ def test_every_state_has_a_glyph_and_a_word_of_its_own():
     assert sign(pairs([-0.1, 0], [-0.1, 0], OVERLAPPING, STOP), 0, CELL).word == "OVERLAP"
 
 
-@pytest.mark.parametrize("level, limit, word", [(STOP, 0.02, "STOP"), (WARN, 0.1, "warn")])
-def test_bounds_that_enclose_a_limit_prove_nothing_and_look_so(level, limit, word):
-    sure = sign(pairs([0.5 * limit, 0], [limit, 0], BOUNDED, level), 0, CELL)
-    open_ = sign(pairs([limit, 0], [1.5 * limit, 0], BOUNDED, level), 0, CELL)
-    kept = sign(pairs([1.1 * limit, 0], [1.5 * limit, 0], BOUNDED, level), 0, CELL)  # hysteresis
+@pytest.mark.parametrize("level, threshold, word", [(STOP, 0.02, "STOP"), (WARN, 0.1, "warn")])
+def test_bounds_that_enclose_a_threshold_prove_nothing_and_look_so(level, threshold, word):
+    sure = sign(pairs([0.5 * threshold, 0], [threshold, 0], BOUNDED, level), 0, CELL)
+    open_ = sign(pairs([threshold, 0], [1.5 * threshold, 0], BOUNDED, level), 0, CELL)
+    kept = sign(
+        pairs([1.1 * threshold, 0], [1.5 * threshold, 0], BOUNDED, level), 0, CELL
+    )  # hysteresis
     assert (sure.word, open_.word, kept.word) == (word, f"{word}?", word)
     assert sure.glyph != open_.glyph
 
 
 def test_the_colour_runs_from_stop_over_warn_to_clear():
-    limits = Thresholds(warn=0.1, stop=0.02, hysteresis=0.0)
+    thresholds = Thresholds(warn=0.1, stop=0.02, hysteresis=0.0)
 
     def colour(metres, touching=False, stale=False):
-        return tuple(ramp(metres, limits, touching=touching, stale=stale))
+        return tuple(ramp(metres, thresholds, touching=touching, stale=stale))
 
     assert colour(0.0) == colour(0.02) != colour(0.0201)
     assert colour(0.1) != colour(0.2) != colour(0.4) == colour(9.0)
@@ -340,8 +342,8 @@ def test_the_names_of_a_tick_are_hashed_once_however_often_rows_are_looked_up():
     assert Counted.hashed == before
 
 
-def test_the_limits_of_all_pairs_are_those_of_each():
+def test_warn_and_stop_of_all_pairs_are_those_of_each():
     own = {("a", "b"): Thresholds(0.5, 0.25, 0.0)}
     scene = dataclasses.replace(CELL, thresholds=Thresholds(2, 1, 0), own_thresholds=own)
-    warn, stop = scene.limits_of((("a", "c"), ("a", "b")))
+    warn, stop = scene.warn_and_stop((("a", "c"), ("a", "b")))
     assert (warn.tolist(), stop.tolist()) == ([2.0, 0.5], [1.0, 0.25])

@@ -19,9 +19,9 @@ from std_msgs.msg import Header
 from proximity_monitor.display import move
 from proximity_monitor.display import page as pages
 from proximity_monitor.display.choice import Choice
-from proximity_monitor.display.limits import ASK_S, HAND_S, LimitsPanel
 from proximity_monitor.display.player_panel import ENDED, NONE
 from proximity_monitor.display.received import Part
+from proximity_monitor.display.settings import ASK_S, HAND_S, SettingsPanel
 from proximity_monitor.display.state import STALE, STOP, Playing, Thresholds, Unit
 from proximity_monitor.display.tried import Tried
 from proximity_monitor.ros.pairs_message import PairsMessage, checksum
@@ -212,10 +212,10 @@ def test_what_others_named_is_no_html(page):
     page.choice.pair = NAMES
     page.all._timeline._due_s = 0.0
     page.tell(rivals=("<i>robot",), refusal="<i>no")
-    limits = page.all._limits
+    panel = page.all._settings
     own = replace(SCENE, own_thresholds={NAMES: Thresholds(0.2, 0.1, 0.0)})
-    limits.show(own, None, "<i>no", time.monotonic())
-    told = (page.move._note, page.all._timeline._worst, limits._refusal, limits._whose)
+    panel.show(own, None, "<i>no", time.monotonic())
+    told = (page.move._note, page.all._timeline._worst, panel._refusal, panel._whose)
     for html in told:
         assert "&lt;i&gt;" in html.content
         assert "<i>" not in html.content
@@ -224,7 +224,7 @@ def test_what_others_named_is_no_html(page):
 @pytest.fixture
 def panel(server):
     asked = []
-    made = LimitsPanel(server.gui, Choice(), Tried(), asked.append)
+    made = SettingsPanel(server.gui, Choice(), Tried(), asked.append)
     return SimpleNamespace(all=made, asked=asked, lengths=made._lengths)
 
 

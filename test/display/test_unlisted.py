@@ -55,6 +55,33 @@ def test_pairs_that_are_not_listed_are_clear_only_as_far_as_that_is_known(
 
 
 @pytest.mark.parametrize(
+    "left, line",
+    [
+        (Unlisted(far=1), "1 beyond its range"),
+        (Unlisted(unwatched=1), "1 not watched: its bodies are attached to each other"),
+        (Unlisted(unwatched=2), "2 not watched: their bodies are attached to each other"),
+    ],
+)
+def test_one_unlisted_pair_is_told_in_the_singular(left, line):
+    assert left.lines == [line]
+
+
+@pytest.mark.parametrize(
+    "clear, said",
+    [
+        (41, "1 more clear pair: search for it"),
+        (42, "2 more clear pairs: search for them"),
+    ],
+)
+def test_one_more_pair_than_the_list_has_room_for_is_told_in_the_singular(clear, said):
+    told = frame(0.0, tuple(("a", f"b{i}") for i in range(clear))).pairs
+    assert said in table(told, replace(SCENE, pairs=clear), Choice())
+    kept = Choice(search="b0")
+    one = frame(0.0, (("a", "b0"), ("a", "b1"))).pairs
+    assert "1 clear pair is left out by the filter" in table(one, replace(SCENE, pairs=2), kept)
+
+
+@pytest.mark.parametrize(
     "told, said",
     [(health(0, 0), "no pair is watched"), (health(0, 1), "no pair is watched"),
      (None, "no pair is listed")],

@@ -12,6 +12,7 @@ from proximity_monitor.display.lines import pattern, shown_rows
 from proximity_monitor.display.part_view import DIM, Coat
 from proximity_monitor.display.parts import Parts
 from proximity_monitor.display.received import Part
+from proximity_monitor.display.section import Plane, Section
 from proximity_monitor.display.state import (
     STALE,
     STOP,
@@ -24,6 +25,7 @@ from proximity_monitor.display.state import (
     Thresholds,
     Unit,
 )
+from proximity_monitor.display.view import View
 
 CORNERS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], float)
 POSE = np.array([0, 0, 0, 1.0, 0, 0, 0])
@@ -198,6 +200,25 @@ def test_an_opaque_coat_stays_opaque_on_a_transparent_part_unless_that_is_dimmed
     for lit, expected in (((), (None, 0.5)), (("b3",), (DIM, DIM)), ((), (None, 0.5))):
         parts.show(frame, {}, choice, lit)
         assert tuple(node[f"/parts/2/coat_{i}"].opacity for i in range(2)) == expected
+
+
+def test_a_section_keeps_the_opaque_coats_of_a_transparent_part_opaque(server, few):
+    parts, frame = crowd(server)
+    choice = Choice(looks={"b2": Look(0.5)})
+    parts.show(frame, {}, choice, ())
+    view, node = parts["b2"], server.scene._handle_from_node_name
+    view.coat(server.scene, [Coat(CORNERS, (1, 2, 3), opaque=True), Coat(CORNERS, (4, 5, 6))])
+    section = Section(server.scene, parts)
+    section.aim(Plane(parts.scale * (view.pose[:3] + np.array([0.5, 0, 0])), np.array([1.0, 0, 0])))
+    seen = View.looking(np.array([9.0, 0, 0]), np.zeros(3))
+    for now_s, (lit, expected) in enumerate((((), (None, 0.5)), (("b3",), (DIM, DIM)))):
+        parts.show(frame, {}, choice, lit)
+        section.show(seen, float(now_s))
+        for i in range(2):
+            left = node[f"/parts/2/cut_{i}"]
+            assert (left.visible, left.opacity) == (True, expected[i])
+            assert left.vertices[:, 0].max() == pytest.approx(0.5)
+            assert not node[f"/parts/2/coat_{i}"].visible
 
 
 def test_what_all_of_a_shape_look_like_their_instances_look_like(server, few):

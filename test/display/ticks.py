@@ -30,7 +30,7 @@ def frame(stamp_s, lower, upper=None, **given):
 def scene_and_frame(*, unlisted=0, range_m=0.1):
     """Return a scene of three pairs, and a tick in which body a has a margin of 0.01 m to stop."""
     names = (("a", "b"), ("c", "a"), ("b", "c"))
-    limits = {("c", "a"): Thresholds(0.05, 0.03, 0.0)}
+    thresholds = {("c", "a"): Thresholds(0.05, 0.03, 0.0)}
     bodies = tuple(Body(name, True, None, False, "", range=range_m) for name in "abc")
     told = Pairs(
         names, np.array([0.3, 0.04, 0.001]), np.ones(3), np.zeros((3, 2, 3)), np.zeros(3, np.int8),
@@ -38,6 +38,6 @@ def scene_and_frame(*, unlisted=0, range_m=0.1):
     )  # fmt: skip
     scene = SceneInfo(
         "s", "", "w", Unit("m", 1.0), bodies, frozenset(), 3 + unlisted,
-        Thresholds(0.1, 0.02, 0.0), limits, True, {},
+        Thresholds(0.1, 0.02, 0.0), thresholds, True, {},
     )  # fmt: skip
     return scene, Frame(0.0, np.zeros((0, 7)), told)

@@ -51,6 +51,35 @@ def test_every_pair_is_counted_once_listed_or_not():
     assert {each.key: each.value for each in told.values}["pairs not watched"] == "2"
 
 
+@pytest.mark.parametrize(
+    "lower, said",
+    [
+        ((0.001,), "1 pair at stop"),
+        ((0.001, 0.001), "2 pairs at stop"),
+        ((0.005,), "1 pair at warn, 0 stale"),
+    ],
+)
+def test_one_pair_is_told_in_the_singular(lower, said):
+    watched = [WatchedPair(f"a{i}", f"b{i}", 0.0, 0.0, LIMITS, False) for i in range(len(lower))]
+    alerts = Alerts(watched, Unit("metre", 1.0, "m"))
+    tick = Tick([state(i, each) for i, each in enumerate(lower)], 0.0, 0.0, (), 0)
+    alerts.update(tick, [LIMITS] * len(lower), 1.0)
+    given = {"tick": tick, "levels": alerts.levels, "watched": 2, "unseen": Unseen(0, (), {})}
+    told = Health("monitor", "cell")._clearance(
+        NodeState(**dict.fromkeys(NodeState._fields) | given)
+    )
+    assert told.message == said
+
+
+@pytest.mark.parametrize("count, said", [(1, "1 message rejected"), (2, "2 messages rejected")])
+def test_one_rejected_message_is_told_in_the_singular(count, said):
+    inputs = SimpleNamespace(rejected={"late": count}, strangers=())
+    nothing = ("silent", "waiting", "dropped", "clouds", "held", "refused_joints")
+    given = {"inputs": inputs, **{key: {} for key in nothing}}
+    state = NodeState(**dict.fromkeys(NodeState._fields) | given)
+    assert Health("monitor", "cell")._inputs(state).message == f"{said} in the last second"
+
+
 @pytest.mark.parametrize("count, said", [(1, "1 overrun in"), (2, "2 overruns in")])
 def test_one_overrun_is_told_in_the_singular(count, said):
     health = Health("monitor", "cell")

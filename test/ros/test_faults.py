@@ -130,7 +130,7 @@ def test_a_peer_whose_qos_cannot_fit_is_counted_by_topic(peer):
         for status in message.status
         if status.name.endswith("outputs") and status.level == DiagnosticStatus.WARN
     ]
-    assert "1 peers with an incompatible quality of service" in told[-1].message
+    assert "1 peer with an incompatible quality of service" in told[-1].message
     assert "~/closest_points: a subscriber has an incompatible DURABILITY" in peer.monitor.text
     peer.node.destroy_subscription(late)
     assert {pair["state"] for pair in peer.settle().values()} == {"clear"}

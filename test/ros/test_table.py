@@ -126,6 +126,16 @@ def test_states_are_counted_with_the_pairs_that_are_not_listed():
     assert made.count() == "500 pairs: 1 stop, 5 clear, 494 beyond their range"
 
 
+def test_one_pair_is_told_in_the_singular():
+    made = picture(*MIXED)
+    assert made.plain(5).splitlines()[-1] == "  and 1 more pair, not nearer"
+    told = {"pairs beyond range": "1", "pairs watched": "7"}
+    values = [KeyValue(key=key, value=value) for key, value in told.items()]
+    status = DiagnosticStatus(name="proximity_monitor: clearance", values=values)
+    made.take_diagnostics(DiagnosticArray(status=[status]))
+    assert made.count() == "7 pairs: 1 stop, 5 clear, 1 beyond its range"
+
+
 def test_nothing_listed_is_no_error():
     made = picture()
     assert made.rows(5) == []

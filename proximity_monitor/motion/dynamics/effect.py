@@ -12,7 +12,8 @@ from proximity_monitor import engine
 from proximity_monitor.motion.deform import Deform
 from proximity_monitor.motion.dynamics.settings import Forces, RigidBody
 from proximity_monitor.motion.dynamics.world import World
-from proximity_monitor.motion.motion import Motion, counted
+from proximity_monitor.motion.motion import Motion
+from proximity_monitor.scene.naming import counted
 
 
 class Dynamics(Motion):

@@ -32,7 +32,7 @@ _REL_TOP = 50.0
 Values = Mapping[str, float]
 
 
-class LimitsPanel:
+class SettingsPanel:
     """The panel that sets the monitor's own parameters."""
 
     def __init__(
@@ -89,9 +89,9 @@ class LimitsPanel:
         pair = self._choice.pair
         own = pair in scene.own_thresholds and scene.own_parameters
         prefix = f"pairs.{safe(pair[0])}.{safe(pair[1])}" if own else "thresholds"
-        limits = scene.own_thresholds[pair] if own else scene.thresholds
+        thresholds = scene.own_thresholds[pair] if own else scene.thresholds
         to_unit, symbol = 1.0 / scene.unit.to_metre, scene.unit.symbol
-        values = {name: getattr(limits, name) * to_unit for name in self._lengths}
+        values = {name: getattr(thresholds, name) * to_unit for name in self._lengths}
         anew = self._scene is None or prefix != self._prefix or self._scene.key != scene.key
         self._prefix, self._scene = prefix, scene
         least = LEAST_M * to_unit
