@@ -20,6 +20,7 @@ import websockets.typing
 from viser.infra import _async_message_buffer, _infra
 
 from proximity_monitor.display.intake import Intake
+from proximity_monitor.display.smoothing import add_script
 
 _STILL = SimpleNamespace(perf_counter=lambda: 0.0)
 """The clock for the stamps of viser's messages; viser takes nothing else from `time` there.
@@ -150,6 +151,7 @@ def _guarded(intake: Intake) -> Iterator[None]:
             if response is not None:
                 response.headers["X-Frame-Options"] = "DENY"
                 response.headers["Content-Security-Policy"] = "frame-ancestors 'none'"
+                add_script(response)
             return response
 
         class Checked(websockets.asyncio.server.ServerConnection):

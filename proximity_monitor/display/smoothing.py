@@ -1,0 +1,47 @@
+"""Without a graphics card, the page draws without smoothing edges.
+
+A browser without one draws on the processor, and there antialiasing takes most of a picture's time:
+every pixel is drawn as four. viser always asks for antialiasing and has no setting for that. So a
+script that runs before viser's own looks at what draws, and leaves antialiasing out if it is
+software. With `?smooth` behind the page's address nothing is left out, for pictures.
+"""
+
+from __future__ import annotations
+
+import gzip
+from functools import lru_cache
+
+from websockets.http11 import Response
+
+_SCRIPT = b"""<script>
+if (!new URLSearchParams(location.search).has('smooth')) {
+  const gl = document.createElement('canvas').getContext('webgl2');
+  const known = gl?.getExtension('WEBGL_debug_renderer_info');
+  const name = gl?.getParameter(known ? known.UNMASKED_RENDERER_WEBGL : gl.RENDERER) ?? '';
+  gl?.getExtension('WEBGL_lose_context')?.loseContext();
+  if (/swiftshader|llvmpipe|softpipe|software|basic render/i.test(name)) {
+    const ask = HTMLCanvasElement.prototype.getContext;
+    HTMLCanvasElement.prototype.getContext = function (kind, wanted) {
+      return ask.call(this, kind, {...wanted, antialias: false});
+    };
+  }
+}
+</script>
+"""
+_HEAD = b"<head>\n"
+
+
+def add_script(response: Response) -> None:
+    """Put the script into a response that holds the page's document; leave others as they are."""
+    if response.body and response.headers.get("Content-Type", "").startswith("text/html"):
+        zipped = response.headers.get("Content-Encoding") == "gzip"
+        response.body = _with_script(response.body, zipped)
+        del response.headers["Content-Length"]
+        response.headers["Content-Length"] = str(len(response.body))
+
+
+@lru_cache(maxsize=2)
+def _with_script(body: bytes, zipped: bool) -> bytes:
+    document = gzip.decompress(body) if zipped else body
+    made = document.replace(_HEAD, _HEAD + _SCRIPT, 1)
+    return gzip.compress(made) if zipped else made
