@@ -31,7 +31,6 @@ from proximity_monitor.study.surfaces import SURFACES
 BUDGETS_US = (20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000)
 CHOSEN = ("concentric/0.5", "engine/crankshaft-block", "cave/random", "tori")
 ORDERS = ("depth_first", "priority", "breadth_first")
-ALLOWED_US = 50.0
 _CALLS, _QUICK = 40, 6
 _NEARLY = 0.9
 """A call counts as ended by its budget if it took more than this share of it."""

@@ -64,7 +64,7 @@ def main() -> int:
                 page = browser.new_page(viewport=size)
                 page.set_default_timeout(PATIENCE_MS)
                 page.add_init_script(HOLDING)
-                page.goto(address)
+                page.goto(f"{address}/?smooth")
                 page.wait_for_selector("#pm-pairs .pm-row")
                 for close in page.locator(".mantine-Notification-closeButton").all():
                     close.click()

@@ -32,6 +32,10 @@ _MOST_CELLS = 4096
 """The most cells that a search looks into if a solid has holes. Right behind a hole, a point counts
 as deep as it is far from the faces, so no cell there gets a better bound, however small it is."""
 
+_MOST_IN_SPACE = 1 << 16
+"""The most cells that any search looks into. Where a rounded model touches a face, no bound may
+come within rounding of 0, and cells would be divided without end."""
+
 _MOST_PIECES = 1 << 15
 """The most pieces of patches and curves that a search looks into, or cells of space if a solid is
 made of patches. If a whole region of a surface is deepest, or equally far from the centre of a
@@ -107,7 +111,7 @@ class BallSearch:
             # A table holds addresses only, so the hierarchies are kept for their arrays.
             self._tables, self._hierarchies = np.array(tables), hierarchies
         holes = any(each.sides().region.inside == HALF for each in hierarchies)
-        self._most = _MOST_CELLS if holes else math.inf
+        self._most = _MOST_CELLS if holes else _MOST_IN_SPACE
         if are_divided(*hierarchies):
             self._most = min(self._most, _MOST_PIECES)
 

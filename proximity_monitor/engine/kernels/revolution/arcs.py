@@ -19,7 +19,7 @@ from ..base.rounding import DOUBLE_EPS
 from ..base.trees import NONE
 from .profile import jet_of, put_part
 
-ROUNDING = 2048.0 * DOUBLE_EPS
+_ROUNDING = 2048.0 * DOUBLE_EPS
 """What rounding may add to an arc's error, as a share of the largest coordinate P.
 
 De Casteljau's method moves control points by less than 4 u P for each degree and direction, that is
@@ -38,7 +38,7 @@ _CHOOSE = np.array([[float(math.comb(n, k)) for k in range(31)] for n in range(3
 
 @kernel
 def fit_arc(curve, low, high, size, arc):
-    """Fit a fat arc to a part of a piece and write it to `arc`; `size` (m) is P of `ROUNDING`."""
+    """Fit a fat arc to a part of a piece and write it to `arc`; `size` (m) is P of `_ROUNDING`."""
     rows = table_on_stack(16, 3, 0.0)
     put_part(curve, low, high, rows)
     degree = curve.degree
@@ -73,7 +73,7 @@ def fit_arc(curve, low, high, size, arc):
         hx = hz = 0.0
         arc.half[0], arc.half[1] = 0.0, 0.0
         error = _chord_error(rows, degree, mx, mz, 1.0, 0.0, 0.0)
-    arc.error = error * (1.0 + 1e-9) + ROUNDING * size
+    arc.error = error * (1.0 + 1e-9) + _ROUNDING * size
     arc.length = 2.0 * (half + abs(bulge) + arc.error)
     _put_limits(curve, low, high, arc)
 
@@ -235,7 +235,7 @@ def hold(curves, first, end, size, arc):
     arc.middle[0], arc.middle[1] = mx, mz
     arc.half[0], arc.half[1] = half * ux, half * uz
     arc.sine, arc.cosine, arc.low, arc.high = 0.0, 1.0, 0.0, 1.0
-    arc.error = error * (1.0 + 1e-9) + ROUNDING * size
+    arc.error = error * (1.0 + 1e-9) + _ROUNDING * size
     arc.length = 2.0 * (half + arc.error)
     arc.limits[0], arc.limits[1], arc.limits[2] = np.inf, np.inf, np.inf
     arc.curve, arc.child = NONE, NONE

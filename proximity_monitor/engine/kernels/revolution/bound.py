@@ -15,7 +15,6 @@ import math
 import numpy as np
 
 from ..base.jit import inlined, kernel
-from ..base.rounding import DOUBLE_EPS
 from ..base.trees import NONE
 from .coaxial import ALIKE, begin_about_axis, sags_about_axis
 from .newton import to_a, to_b
@@ -28,16 +27,9 @@ _SWEEPS = 2
 _NORMAL = 0.9
 """A direction is about normal to a chord if the sine of the angle between them is above this."""
 
-_TILTED, _INSIDE = 32.0 * DOUBLE_EPS, 1.0 - 1e-6
-"""Rounding of a direction times the distance, as a share of the coordinates; and the share of an
-end's place along a chord that is inside."""
-
 _WIDE, _FRONT = 3.0, 0.5
 """Half the angle from which on a sector counts as the full turn, and half the angle of the part
 that is then split from it, radians."""
-
-_TWIST = 0.25
-"""What counts as the sag of a sector of half the angle 1, as a share of the longer chord."""
 
 _PIECES = 1e-3
 """What counts as the sag of an arc around several pieces, as a share of half its chord."""
@@ -83,7 +75,7 @@ def facing(arc_a, arc_b, sector, half_angle, motion):
 
     Returns their distance there, metres, the normal and the azimuth; and where the nearest points
     are along both chords and in the sector, each -1 to 1, in the sector as a share of
-    min(half_angle, 1). If b's is an end, but as near as points beside it, it is moved inside.
+    min(half_angle, 1).
     """
     cosine, sine = sector[0], sector[1]
     rho, z = arc_b.middle[0], arc_b.middle[1]
@@ -130,20 +122,10 @@ def facing(arc_a, arc_b, sector, half_angle, motion):
     # inside; if both have, to the longer one.
     n, m = r0 / apart, r1 / apart
     within_a, within_b = -1.0 < s < 1.0, -1.0 < t < 1.0
-    if within_a or within_b:
-        if within_a and not (within_b and aa < uu):
-            n, m = _normal_near(n, m, a0, a1, aa)
-        else:
-            n, m = _normal_near(n, m, u0, u1, uu)
-        return apart, (n, m), (ex, ey), (s, t, q)
-    # Both are ends. If the direction is normal to a chord up to its rounding, the chords may be
-    # parallel, with other points as near.
-    rounded = _TILTED * (far + abs(pz) + arc_a.length + arc_b.length) / apart
-    if abs(n * u0 + m * u1) <= rounded * np.sqrt(uu):
-        n, m = _normal_near(n, m, u0, u1, uu)
-        t *= _INSIDE
-    elif abs(n * a0 + m * a1) <= rounded * np.sqrt(aa):
+    if within_a and not (within_b and aa < uu):
         n, m = _normal_near(n, m, a0, a1, aa)
+    elif within_b:
+        n, m = _normal_near(n, m, u0, u1, uu)
     return apart, (n, m), (ex, ey), (s, t, q)
 
 
@@ -228,28 +210,20 @@ def spread_of(arc, sector, motion):
 def sags(arc_a, arc_b, sector, half, motion):
     """Return how far from straight a's arc, b's arc and b's sector are, metres.
 
-    In a's plane a long arc of b near a's axis bends, too: its chord by the squared length beside
-    the half-plane over eight times the distance from the axis. If b's arc begins on b's axis, all
-    sectors share that point, and dividing them does not help. So the smallest circle of the arc
-    about b's axis counts. But in a sector the normals of long chords differ by the squared angle.
+    In a's plane a long arc of b near a's axis bends, too: its chord by the squared length over
+    eight times the distance from the axis. If b's arc begins on b's axis, all sectors share that
+    point, and dividing them does not help. So the smallest circle of the arc about b's axis counts.
     """
     rho, z = arc_b.middle[0], arc_b.middle[1]
     x, y, _ = to_a(motion, rho * sector[0], rho * sector[1], z)
     x, y = x + motion[9], y + motion[10]
     far = np.sqrt(x * x + y * y)
-    u, v, _ = to_a(motion, arc_b.half[0] * sector[0], arc_b.half[0] * sector[1], arc_b.half[1])
-    along, across = abs(u * x + v * y), u * y - v * x
     rho = abs(rho) + abs(arc_b.half[0])
     width = 2.0 * min(half, 1.5) * rho
     long = arc_b.length
     sag = long * long / (8.0 * max(far, 0.5 * long) + 1e-300)
-    near = far * far - along  # the squared distance of the chord's nearer end along the half-plane
-    if near > 0.0:
-        sag = min(sag, across * across / (2.0 * far * near))
     around = width * width / (8.0 * max(far, 0.5 * width) + 1e-300)
     around += (1.0 - sector[2]) * max(rho - 2.0 * abs(arc_b.half[0]), 0.0)
-    turn = min(half, 1.5)
-    around = max(around, _TWIST * turn * turn * max(arc_a.length, long))
     if abs(motion[8]) > ALIKE:
         along, varied = sags_about_axis(arc_b, sector, motion)
         sag, around = min(sag, along), min(around, varied)

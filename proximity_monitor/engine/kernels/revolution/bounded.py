@@ -24,9 +24,6 @@ MINIMUM_STEPS = 6
 _AROUND = 1.5
 """How far from the middle of a sector its minimum may be, as a multiple of half its angle."""
 
-_NARROW = 0.01
-"""Half the angle of a sector, radians, below which its width no longer matters to a direction."""
-
 _FINE = 0.5
 """Arcs are fine enough if their errors are below this share of the tolerance that was asked for."""
 
@@ -127,17 +124,11 @@ def bound_rings(tree_a, tree_b, state, motion, a, b, angle, half, sector, bound)
             least = gap_along(tree_a, tree_b, state, a, b, sector, motion, there, e, fine)
             if least > bound:
                 bound, n = least, there
-        elif bound < progress.limit:
-            if -1.0 < at[1] < 1.0:
-                there, beside = normal_of_b(arc_b, sector, half, at[2], motion, n, e)
-                least = gap_along(tree_a, tree_b, state, a, b, sector, motion, there, beside, fine)
-                if least > bound:
-                    bound, n, e = least, there, beside
-            if bound < progress.limit and half < _NARROW:
-                there = facing_about_axis(arc_a, arc_b, sector, motion)
-                least = gap_along(tree_a, tree_b, state, a, b, sector, motion, there, e, fine)
-                if least > bound:
-                    bound, n = least, there
+        elif bound < progress.limit and -1.0 < at[1] < 1.0:
+            there, beside = normal_of_b(arc_b, sector, half, at[2], motion, n, e)
+            least = gap_along(tree_a, tree_b, state, a, b, sector, motion, there, beside, fine)
+            if least > bound:
+                bound, n, e = least, there, beside
         if bound >= progress.limit:
             keep_ring(state, a, b, angle, half, sector, n, e)
             return 1

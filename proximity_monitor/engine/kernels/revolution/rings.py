@@ -18,7 +18,6 @@ from ..base.jit import inlined, kernel, shared
 from ..base.memory import on_stack
 from ..base.state import CELLS_FULL, CUT, ENDED
 from ..base.trees import NONE
-from .arcs import ROUNDING
 from .around import part_around
 from .bound import facing, half_of, normal_of_a, normal_of_b, sags, sector_of
 from .bounded import MINIMUM_STEPS, fineness, gap_along, halves_of, part_off, prove
@@ -82,8 +81,6 @@ def _take_apart(tree_a, tree_b, state, motion):
     # Halve what is farthest from straight: for straight chords at one angle the bounds are exact.
     short = _SHORT * (tree_a.scale[2] + tree_b.scale[2])
     long_a, long_b, around = sags(arc_a, arc_b, sector, half, motion)
-    long_a -= ROUNDING * tree_a.frame[4, 0]  # rounding is no less if an arc is halved
-    long_b -= ROUNDING * tree_b.frame[4, 0]
     of_a = of_b = np.int64(NONE)
     while max(long_a, long_b, around) > short:
         if around >= max(long_a, long_b):

@@ -40,8 +40,8 @@ _CORNER = 1e-9
 """Cosine between the tangent and the gradient above which the end of a piece counts as a corner."""
 
 _SURE = 0.99
-"""Cosine between the profile's normal and the way to the point above which the two are taken to be
-one."""
+"""Cosine between the normal of a straight piece and the way to the point above which the two are
+taken to be one."""
 
 _ALIKE = 0.99
 """The same for a normal of a triangle or an edge."""
@@ -64,7 +64,8 @@ def _nearest(tree, y, spare):
 def gradient_at(tree, y, spare):
     """Return the Reach of a point of the profile's frame, its distance right to `spare` metres."""
     rho, piece, t = _nearest(tree, y, spare)
-    (r, z), (r1, z1), (r2, z2) = jet_of(tree.curves[piece], t)
+    curve = tree.curves[piece]
+    (r, z), (r1, z1), (r2, z2) = jet_of(curve, t)
     dr, dz = rho - r, y[2] - z
     length = np.sqrt(dr * dr + dz * dz)
     per = 1.0 / length if length > 0.0 else 0.0
@@ -75,8 +76,8 @@ def gradient_at(tree, y, spare):
     if corner:
         bend = per
     else:
-        if abs(r1 * nz - z1 * nr) > _SURE * speed:
-            # Rounding does not tilt the normal of the profile, however near the point is.
+        if curve.degree == 1 and abs(r1 * nz - z1 * nr) > _SURE * speed:
+            # Rounding does not tilt the normal of a straight piece, however near the point is.
             way = speed if r1 * nz > z1 * nr else -speed
             nr, nz = -z1 / way, r1 / way
         c = (r2 * nr + z2 * nz) / (speed * speed) if speed > 0.0 else 0.0
