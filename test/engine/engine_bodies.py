@@ -169,3 +169,13 @@ def from_python(kernel):
         return kernel(*arguments)
 
     return call
+
+
+def sampled(curves, count):
+    """Return points along a profile, equally many on each span."""
+    found = []
+    for curve in curves:
+        (along, _) = curve.nets[0].spans
+        t = np.linspace(along.low, along.high, count)[:-1].T.ravel()
+        found.append(curve.nets[0].derivatives(t, 0.0 * t, 0)[:, 0, 0, :2])
+    return np.concatenate([*found, curves[-1].nets[0].points[-1:, :2]])
