@@ -9,6 +9,8 @@ STYLE = (
     + """<style>
 .pm { font: 13px/1.45 system-ui, sans-serif; color: inherit; margin: 0 10px 8px;
       font-variant-numeric: tabular-nums; overflow-wrap: anywhere; }
+/* The folder above leaves much room below it, and the smallest window shows the first pair. */
+.pm:has(> #pm-pairs) { margin-top: -9px; }
 /* The panel is as wide as its widest content, so a long line must not count. */
 .pm-line { display: flex; align-items: center; gap: 8px; contain: inline-size; }
 div:has(> #pm-connection) { position: sticky; top: 0; z-index: 5;
