@@ -186,11 +186,13 @@ def test_a_press_on_a_conflict_brings_back_the_camera_of_who_decided(page, near,
         then = "■ STOP" if what == "conflicts" else "→ ■ STOP"
         tab(page, "Session")
         press(page, f"#pm-{what} .pm-row:has-text('{then}'):has-text('{PAIR}')")
+        wait(lambda: button(page, "Back to live").is_enabled(), "the past")
 
     def whole():
         tab(page, "Session")
         if button(page, "Back to live").is_enabled():
             button(page, "Back to live").click()
+            wait(lambda: not button(page, "Back to live").is_enabled(), "the present")
         tab(page, "Clearances")
         eye = np.array(page.evaluate(EYE))
         button(page, "Whole scene").click()
