@@ -1,9 +1,9 @@
 """Without a graphics card, the page draws without smoothing edges.
 
-A browser without one draws on the processor, and there antialiasing takes most of a picture's time:
-every pixel is drawn as four. viser always asks for antialiasing and has no setting for that. So a
-script that runs before viser's own looks at what draws, and leaves antialiasing out if it is
-software. With `?smooth` behind the page's address nothing is left out, for pictures.
+A browser without one draws on the processor, where antialiasing takes about half of a picture's
+time. viser always asks for antialiasing and has no setting for that. So a script that runs before
+viser's own looks at what draws, and leaves antialiasing out if it is software. With `?smooth`
+behind the page's address nothing is left out, for pictures.
 """
 
 from __future__ import annotations
