@@ -116,3 +116,15 @@ def test_features_and_a_deformed_core():
     core = rounded.vertices[rounded.faces[found.feature_b.index]]
     on_core = found.feature_b.parameters @ core + [0.0, 0.0, 0.2]
     assert np.linalg.norm(on_core - found.point_b) == pytest.approx(0.2)
+
+
+@pytest.mark.parametrize("radius", [0.0, 0.005])
+def test_what_decides_a_clearance_is_not_said_to_be_nearest(radius):
+    """The first segment is within the clearance, the last one is nearer."""
+    solid, here = engine.shapes.cylinder(0.05, 0.2), np.eye(4)
+    bent = engine.polyline([[0.14, 0, 0], [0.14, 0, 0.05], [0.07, 0, 0.05]], radius=radius)
+    for a, b in ((solid, bent), (bent, solid)):
+        nearest = engine.distance(a, here, b, here)
+        assert nearest.upper == pytest.approx(0.02 - radius)
+        found = engine.within(a, here, b, here, 0.1)
+        assert found.within and found.lower <= nearest.upper

@@ -67,6 +67,7 @@ def go_beside(surface, mesh, state):
     looks, held = 0, True
     for t in range(len(mesh.triangles)):
         if progress.distance - progress.slack <= progress.stop:
+            held = False  # the others may be nearer still
             break
         if is_held_off(mesh, t, progress):
             continue
