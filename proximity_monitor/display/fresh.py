@@ -35,7 +35,7 @@ STYLE = f"""
 @keyframes pm-old-1 {{ to {{ {_OLD} }} }}
 .pm-now {{ display: var(--pm-now, inline) }}
 .pm-then {{ display: var(--pm-then, none) }}
-.pm-num {{ opacity: var(--pm-faint, 1) }}
+.pm-num, .pm-margin {{ opacity: var(--pm-faint, 1) }}
 .pm-bar, .tabler-icon-cloud-check, canvas {{ filter: var(--pm-drained, none) }}
 body::before, body::after {{ display: var(--pm-veil, none); position: fixed; pointer-events: none }}
 body::before {{ content: ""; inset: 0; z-index: 9998;
