@@ -69,6 +69,65 @@ def smallest(typingctx, values, first, mask):
     return types.float32(values, types.int64, types.int64), codegen
 
 
+@intrinsic
+def turn_axes(typingctx, nodes, base, back, out):
+    """Write both axes of the volume at nodes[base], turned, and their vector product to `out`.
+
+    `back` is the inverse of the motion that turns them: its rows are the columns of the rotation.
+    Each axis is computed as `rotated` does, in float64, with all three coordinates at once. Writes
+    float32 to out[3:9] and out[11:14], and changes out[9], out[10] and out[14].
+    """
+    if not (isinstance(out, types.Array) and out.dtype == types.float32):
+        return None
+
+    def codegen(context, builder, signature, args):
+        def data(k):
+            return context.make_array(signature.args[k])(context, builder, args[k]).data
+
+        volumes, motion, turned = data(0), data(2), data(3)
+        four = ir.VectorType(ir.DoubleType(), 4)
+
+        def number(i):
+            return ir.Constant(ir.IntType(64), i)
+
+        def order(vector, lanes):
+            mask = ir.Constant(ir.VectorType(ir.IntType(32), 4), lanes)
+            return builder.shuffle_vector(vector, vector, mask)
+
+        def column(i):
+            place = builder.gep(motion, [number(3 * i)])
+            loaded = builder.load(builder.bitcast(place, four.as_pointer()))
+            loaded.align = 8
+            return loaded
+
+        def field(i):
+            value = builder.load(builder.gep(volumes, [builder.add(args[1], number(16 * i))]))
+            value = builder.fpext(value, ir.DoubleType())
+            vector = builder.insert_element(ir.Constant(four, ir.Undefined), value, number(0))
+            return order(vector, [0, 0, 0, 0])
+
+        columns = [column(i) for i in range(3)]
+
+        def axis(first):
+            x, y, z = (builder.fmul(columns[i], field(first + i)) for i in range(3))
+            return builder.fadd(builder.fadd(x, y), z)
+
+        def write(vector, at):
+            single = builder.fptrunc(vector, ir.VectorType(ir.FloatType(), 4))
+            place = builder.gep(turned, [number(at)])
+            builder.store(single, builder.bitcast(place, single.type.as_pointer())).align = 4
+
+        u, v = axis(3), axis(6)
+        one = builder.fmul(order(u, [1, 2, 0, 3]), order(v, [2, 0, 1, 3]))
+        other = builder.fmul(order(u, [2, 0, 1, 3]), order(v, [1, 2, 0, 3]))
+        write(u, 3)
+        write(v, 6)
+        write(builder.fsub(one, other), 11)
+        return context.get_dummy_value()
+
+    return types.void(nodes, types.int64, back, out), codegen
+
+
 def _least(signature):
     """Return signature and code for the least product of a direction with any of the points."""
     vector = ir.VectorType(ir.DoubleType(), 16)

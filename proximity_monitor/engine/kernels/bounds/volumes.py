@@ -17,13 +17,14 @@ import numpy as np
 from numba import float32, uint64
 
 from ..base.jit import inlined, kernel, loop16
+from ..base.lanes import turn_axes
 from ..base.rounding import (
     SINGLE_EPS,
     SINGLE_LIMIT,
     SINGLE_MARGIN,
     SINGLE_TINY,
 )
-from ..base.vectors import add, cross, dot, moved, rotated, scaled, sub
+from ..base.vectors import add, dot, moved, scaled, sub
 from ..tree.layout import (
     CENTRE_X,
     CENTRE_Y,
@@ -130,7 +131,7 @@ def lows_along(nodes, base, x, y, z, lows):
 
 
 @inlined
-def place(fixed, lane, motion, tree, node, slack, out):
+def place(fixed, lane, motions, tree, node, slack, out):
     """Move one lane of `fixed` into the frame of a node of `tree`, as `single` of `lower_bounds`.
 
     `motion` holds the twelve numbers of the pose from fixed's model to tree's; `slack` bounds its
@@ -142,7 +143,7 @@ def place(fixed, lane, motion, tree, node, slack, out):
     nodes = fixed.nodes
     ratio = fixed.scale[0] * tree.scale[1]
     c = scaled(add(read_vector(nodes, base), row(fixed.centres, own)), fixed.scale[0])
-    c = scaled(moved(motion, c), tree.scale[1])
+    c = scaled(moved(motions[0], c), tree.scale[1])
     x = c[0] - tree.centres[node, 0]
     y = c[1] - tree.centres[node, 1]
     z = c[2] - tree.centres[node, 2]
@@ -152,15 +153,10 @@ def place(fixed, lane, motion, tree, node, slack, out):
     reach = abs(x) + abs(y) + abs(z) + 1.5 * size
     if not reach + slack * tree.scale[1] < SINGLE_LIMIT:
         return False
-    u = rotated(motion, read_vector(nodes, base + U_X))
-    v = rotated(motion, read_vector(nodes, base + V_X))
-    w = cross(u, v)
     out[0], out[1], out[2] = np.float32(x), np.float32(y), np.float32(z)
-    out[3], out[4], out[5] = np.float32(u[0]), np.float32(u[1]), np.float32(u[2])
-    out[6], out[7], out[8] = np.float32(v[0]), np.float32(v[1]), np.float32(v[2])
+    turn_axes(nodes, np.int64(base), motions[1], out)
     out[9] = np.float32(nodes[base + HALF_U] * ratio)
     out[10] = np.float32(nodes[base + HALF_V] * ratio)
-    out[11], out[12], out[13] = np.float32(w[0]), np.float32(w[1]), np.float32(w[2])
     margin = SINGLE_MARGIN * (reach + tree.centres[node, 3]) + slack * tree.scale[1]
     out[14] = np.float32((nodes[base + RADIUS] * ratio + margin) * (1.0 + 2.0 * SINGLE_EPS))
     return True

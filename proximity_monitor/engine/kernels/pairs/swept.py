@@ -23,9 +23,9 @@ _TREES = *_SWEPT, BoxTree
 
 @implements(stubs.lane_bounds, _TREES, _TREES)
 @inlined
-def _lane_bounds(fixed, tree, lane, motion, node, slack, reach, inherited, scratch):
-    single, found = scratch.single, scratch.found
-    if place(fixed, lane, motion, tree, node, slack, single):
+def _lane_bounds(fixed, tree, lane, motions, node, slack, reach, inherited, scratch):
+    single, found, motion = scratch.single, scratch.found, motions[0]
+    if place(fixed, lane, motions, tree, node, slack, single):
         lower_bounds(tree.nodes, uint64(node * STRIDE), single, found, uint64(0))
         tighten(fixed, tree, lane, motion, node, slack, reach, found, np.int64(0))
         return inherited

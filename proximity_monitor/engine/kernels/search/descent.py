@@ -50,7 +50,7 @@ something, too."""
 
 
 @inlined
-def open_pair(fixed, lane, tree, parent, motion, flip, state, inherited, scratch, n):
+def open_pair(fixed, lane, tree, parent, motions, flip, state, inherited, scratch, n):
     """Bound one lane of the tree `fixed` against the sixteen under lane `parent` of `tree`.
 
     Surviving pairs become open; surviving pairs of leaves wait. `flip` says that `fixed` is tree b.
@@ -68,7 +68,7 @@ def open_pair(fixed, lane, tree, parent, motion, flip, state, inherited, scratch
     progress.bound_tests += WIDTH
     reach = np.float32(min(limit * tree.scale[1] * (1.0 + 1e-6), 1e29))
     inherited = lane_bounds(
-        fixed, tree, lane, motion, node, progress.bound_slack, reach, inherited, scratch
+        fixed, tree, lane, motions, node, progress.bound_slack, reach, inherited, scratch
     )
     top = first
     survivors = not_above(found, 0, reach)
@@ -196,9 +196,11 @@ def _open_next(tree_a, tree_b, state, coherent, larger, inner, n, steps, scratch
         size_a, size_b = (size_a, larger * size_b) if lowest_a else (larger * size_a, size_b)
     flip = child_b < 0 or (child_a >= 0 and size_a > size_b)
     if flip:
-        n = open_pair(tree_b, b, tree_a, a, state.motions[0], flip, state, bound, scratch, n)
+        motions = state.motions[0], state.motions[1]
+        n = open_pair(tree_b, b, tree_a, a, motions, flip, state, bound, scratch, n)
     else:
-        n = open_pair(tree_a, a, tree_b, b, state.motions[1], flip, state, bound, scratch, n)
+        motions = state.motions[1], state.motions[0]
+        n = open_pair(tree_a, a, tree_b, b, motions, flip, state, bound, scratch, n)
     if coherent and n == before:
         remember_far(state, a, b, flip)
     return n, steps

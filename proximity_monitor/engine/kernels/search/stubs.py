@@ -17,12 +17,13 @@ def slacks(tree_a, tree_b, apart, error):
     """
 
 
-def lane_bounds(fixed, tree, lane, motion, node, slack, reach, inherited, scratch):
+def lane_bounds(fixed, tree, lane, motions, node, slack, reach, inherited, scratch):
     """Bound one lane of the tree `fixed` against the sixteen of a node of `tree`.
 
     Writes sixteen lower bounds, in the units of `tree`, to scratch.found. Those of empty lanes are
-    beyond every distance, and bounds above `reach` need not be tight. `motion` moves `fixed` into
-    the frame of `tree`, and errs by `slack` metres. `inherited` is a lower bound of all pairs;
+    beyond every distance, and bounds above `reach` need not be tight. The first of the
+    two `motions` moves `fixed` into the frame of `tree`, the second moves it back; they err by
+    `slack` metres. `inherited` is a lower bound of all pairs;
     returns one that is as good or better, metres.
     """
 
