@@ -201,6 +201,29 @@ def test_lanes_become_masks():
     assert found == ((1 << 3) | (1 << 5), 3, 1.0, 10.0), broken("takes our LLVM code (lanes.py)")
 
 
+def test_axes_are_turned_as_by_single_products():
+    @run
+    def turn(nodes, back, out):
+        lanes.turn_axes(nodes, np.int64(5), back, out)
+
+    rng = np.random.default_rng(3)
+    nodes, back = rng.normal(size=192).astype(np.float32), rng.normal(size=12)
+    out = np.full(16, -7.0, np.float32)
+    turn(nodes, back, out)
+    columns = back[:9].reshape(3, 3)
+    u, v = (
+        columns[0] * float(nodes[5 + 16 * k])
+        + columns[1] * float(nodes[21 + 16 * k])
+        + columns[2] * float(nodes[37 + 16 * k])
+        for k in (3, 6)
+    )
+    w = u[[1, 2, 0]] * v[[2, 0, 1]] - u[[2, 0, 1]] * v[[1, 2, 0]]
+    what = broken("takes our LLVM code (lanes.py)")
+    expected = [*u, *v, *w]
+    assert (out[[3, 4, 5, 6, 7, 8, 11, 12, 13]] == np.array(expected, np.float32)).all(), what
+    assert (out[[0, 1, 2, 15]] == -7.0).all(), what
+
+
 def kind_of(thing):
     """A stub, implemented for two types below."""
 
