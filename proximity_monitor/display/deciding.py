@@ -21,6 +21,7 @@ from proximity_monitor.display.conflicts import (
 )
 from proximity_monitor.display.decisions import NEW, STATUSES, Decision
 from proximity_monitor.display.order import kind_of
+from proximity_monitor.display.pairs import brief
 from proximity_monitor.display.signs import clearance
 from proximity_monitor.display.state import Pairs, SceneInfo
 from proximity_monitor.display.unlisted import reason
@@ -46,12 +47,13 @@ class Deciding:
         self._folder = gui.add_folder("Status of the pair", expand_by_default=False)
         with self._folder:
             self._note = gui.add_html("")
-            self._status = gui.add_dropdown("Status", STATUSES)
-            self._comment = gui.add_text("Comment", "")
-            self._keep = gui.add_button(
-                "Save the status", icon=viser.Icon.CHECK,
-                hint="For all, in a file; alerts do not change",
-            )  # fmt: skip
+            self._status = gui.add_dropdown(
+                "Status",
+                STATUSES,
+                hint="A note for everybody, kept in a file; alerts do not change",
+            )
+            self._comment = gui.add_text("Comment", "", hint="Saved with the status")
+            self._keep = gui.add_button("Save the status", icon=viser.Icon.CHECK)
 
         @self._keep.on_click
         def _(_) -> None:
@@ -77,10 +79,13 @@ class Deciding:
             self._status.value, self._comment.value = self._known
             self._clash = ""
         row = pairs.places.get(pair)
+        # The pair's row in the list may be scrolled out of the panel.
+        pair_now = "" if row is None else brief(pairs, row, scene)
         problem = escape(self._decisions.problem)
         self._folder.visible = pair is not None or bool(problem)
         self._note.content = (
-            f'<div class="pm pm-small" id="pm-decided">{escape(self._line(decision, scene, row))}'
+            f'<div class="pm pm-small" id="pm-decided">{pair_now}'
+            f"{escape(self._line(decision, scene, row))}"
             f'<div class="pm-unproved">{escape(self._clash)}</div>'
             f'<div class="pm-unproved">{problem}</div></div>'
         )

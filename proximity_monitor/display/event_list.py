@@ -42,9 +42,8 @@ class EventList:
         self._newest: int | None = None  # first event on the page; None: always the newest
         self._reset_here = False
         button = gui.add_button(
-            "Reset the smallest clearances", icon=viser.Icon.ERASER,
-            hint="In all browsers, and in the monitor for all its subscribers",
-        )  # fmt: skip
+            "Reset the smallest clearances, for everybody", icon=viser.Icon.ERASER
+        )
         self._reset = gui.add_html("")
         self._picture = picture
         picture.add(gui)

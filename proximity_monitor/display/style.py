@@ -42,6 +42,9 @@ div:has(> #pm-connection) { position: sticky; top: 0; z-index: 5;
 .pm-table .pm-group td { font-weight: 600; background: #8882; }
 .pm-unproved { color: var(--pm-old, #b04e00); font-weight: 600; }
 .pm-fault { border: 2px solid #b3261e; border-radius: 6px; padding: 6px 10px; color: #b3261e; }
+.pm-over { position: fixed; left: 10px; bottom: 10px; padding: 3px 10px; border-radius: 6px;
+           border: 1px solid #8886; background: #fffd; color: #222; pointer-events: none;
+           font: 13px/1.45 system-ui, sans-serif; }
 .pm-on { white-space: nowrap; }
 .pm-sign { font-weight: 700; white-space: nowrap; }
 .pm-bar { position: relative; height: 4px; border-radius: 2px; background: #8883;

@@ -255,6 +255,7 @@ def test_the_panel_keeps_what_is_decided_about_the_highlighted_pair(alone):
     panel = alone.all._deciding
     alone.choice.pair = NAMES
     alone.tell(frame=frame(1.0))
+    assert words(panel._note).startswith("● &lt;i&gt;a - b 300.000 mm")
     panel._status.value, panel._comment.value = "accepted", "as drawn"
     for callback in panel._keep._impl.update_cb:
         callback(None)

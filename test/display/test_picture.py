@@ -54,14 +54,14 @@ def test_a_button_of_the_gap_does_nothing_for_a_pair_that_is_not_listed(page):
     page.choice.pair = ("a", "elsewhere")
     page.tell(frame=frame(1.0))
     for what in (ZOOM, SECTION):
-        inspect._do(what)
+        inspect.do(what)
         page.tell()
         assert inspect.plane() is None
         assert "a - elsewhere are not known" in words(inspect._note)
     page.choice.pair = None
     page.tell()
     assert words(inspect._note) == ""
-    inspect._do(SECTION)
+    inspect.do(SECTION)
     assert inspect.plane() is not None
 
 
