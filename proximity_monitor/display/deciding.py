@@ -54,6 +54,7 @@ class Deciding:
             )
             self._comment = gui.add_text("Comment", "", hint="Saved with the status")
             self._keep = gui.add_button("Save the status", icon=viser.Icon.CHECK)
+            self._where = gui.add_html("")
 
         @self._keep.on_click
         def _(_) -> None:
@@ -79,16 +80,19 @@ class Deciding:
             self._status.value, self._comment.value = self._known
             self._clash = ""
         row = pairs.places.get(pair)
-        # The pair's row in the list may be scrolled out of the panel.
-        pair_now = "" if row is None else brief(pairs, row, scene)
         problem = escape(self._decisions.problem)
         self._folder.visible = pair is not None or bool(problem)
         self._note.content = (
-            f'<div class="pm pm-small" id="pm-decided">{pair_now}'
-            f"{escape(self._line(decision, scene, row))}"
+            f'<div class="pm pm-small" id="pm-decided">{self._told(decision, scene, row)}'
             f'<div class="pm-unproved">{escape(self._clash)}</div>'
             f'<div class="pm-unproved">{problem}</div></div>'
         )
+        path, where = self._decisions.path, ""
+        if pair is not None and path is not None:
+            written = self._decisions.is_written(pair)
+            told = f"{'Decisions are kept in' if written else 'Not yet written to'} {path}"
+            where = f'<div class="pm pm-small pm-dim" id="pm-kept">{escape(told)}</div>'
+        self._where.content = where
 
     @property
     def _typed(self) -> tuple[str, str]:
@@ -111,21 +115,27 @@ class Deciding:
         )
         return agrees
 
-    def _line(self, decision, scene: SceneInfo, row: int | None) -> str:
+    def _told(self, decision: Decision, scene: SceneInfo, row: int | None) -> str:
+        """Return the pair and the decision about it as HTML.
+
+        The pair's row in the list may be scrolled out of the panel, so this tells its clearance.
+        """
         if self._pair is None:
             return "Press a pair in the list to set its status."
+        pairs = self._pairs
+        pair = escape(" - ".join(self._pair)) if row is None else brief(pairs, row, scene)
+        return f"<div>{pair}</div>{escape(self._line(decision, scene, row))}"
+
+    def _line(self, decision: Decision, scene: SceneInfo, row: int | None) -> str:
         state, upper = "", math.nan
         if row is not None:
             state, upper = kind_of(self._pairs, row), self._pairs.upper[row]
         when = self._choice.when
         known = decision_line(decision, state, upper, scene.unit, f"worse {when}") or NEW
-        line = f"{' - '.join(self._pair)}: {known}"
         more = f", decided {decision.decided}" if decision.decided else ""
         if row is None:
             more += f"; {when} {reason(self._pair, self._pairs, scene)}"
         elif self._choice.at_s is not None:
             then = clearance(self._pairs, row, scene.unit)
             more += f"; the status refers to this moment: {then}"
-        if (path := self._decisions.path) is not None:
-            more += f"; {'kept' if self._decisions.is_written(self._pair) else 'not yet'} in {path}"
-        return f"{line}{more}"
+        return f"{known}{more}"

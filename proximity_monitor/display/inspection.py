@@ -112,7 +112,8 @@ class Inspect:
         wanted = [name for name, look in looks.items() if look.bands]
         self._banding.show(scene, frame, parts, wanted, now_s, self._choice.at_s is not None)
         self._legend.content = self._banding.legend()
-        on = f'<div class="pm-over" id="pm-section">A section is on: {WHOLE} ends it</div>'
+        on = f"A section is on. To end it, press <i>{WHOLE}</i>."
+        on = f'<div class="pm-over" id="pm-section">{on}</div>'
         self._over.content = on if self._plane is not None else ""
         pair, problem = self._problem
         note = f'<div class="pm pm-small" id="pm-no-gap">{escape(problem)}</div>'

@@ -45,6 +45,8 @@ div:has(> #pm-connection) { position: sticky; top: 0; z-index: 5;
 .pm-over { position: fixed; left: 10px; bottom: 10px; padding: 3px 10px; border-radius: 6px;
            border: 1px solid #8886; background: #fffd; color: #222; pointer-events: none;
            font: 13px/1.45 system-ui, sans-serif; }
+/* The plot needs no more room; the list above does. */
+[data-dock-scroll] > div:has(#pm-plot) { max-height: 325px; }
 .pm-on { white-space: nowrap; }
 .pm-sign { font-weight: 700; white-space: nowrap; }
 .pm-bar { position: relative; height: 4px; border-radius: 2px; background: #8883;

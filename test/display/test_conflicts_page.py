@@ -232,7 +232,7 @@ def test_a_decision_is_in_the_file_and_on_the_page_of_the_next_display(
     told = "accepted at 200.000 mm: hält Abstand 间隙"
     wait(lambda: told in note.inner_text(), "the decision in the panel")
     wait(lambda: told in row(page, PAIR)[2], "the decision in the list")
-    wait(lambda: "kept in" in note.inner_text(), "that it is written")
+    wait(lambda: "kept in" in page.inner_text("#pm-kept"), "that it is written")
     kept = json.loads((scene_file.parent / "cell.conflicts.json").read_text(encoding="utf-8"))
     (entry,) = kept["conflicts"]
     assert (entry["a"], entry["b"], entry["status"]) == ("table", "ball", "accepted")

@@ -51,7 +51,7 @@ class Gui:
     def add_html(self, content):
         return self.title
 
-    def add_dropdown(self, label, options):
+    def add_dropdown(self, label, options, hint):
         return self.scale
 
     def add_folder(self, label):
