@@ -84,7 +84,7 @@ def _memory(rows: Rows) -> str:
     new, kept = (only(mine, memory=memory)[0] for memory in ("none", "cached"))
     return (
         "**Keep one `Pair` for every two bodies.** It remembers the last query. That reduces the "
-        "time of the next one along a path to "
+        "time of the next one along a path to a share of "
         f"{number(kept['mean_us'] / new['mean_us'], 2)} ({kept['scene']}, exact), and changes no "
         "answer."
     )
