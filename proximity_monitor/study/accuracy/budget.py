@@ -192,7 +192,8 @@ def _why(rows: Rows) -> str:
             "A search looks at the clock between slices of its work. So it may exceed its budget "
             "by one slice, and by the time that other programs take of the processor. Searches "
             f"that were cut took {number(abs(late), 2)} µs {'more' if late > 0.0 else 'less'} than "
-            f"their budget in the median, and at most {number(worst['used_max_us'] - worst['budget_us'], 2)} µs more "
+            "their budget in the median, and at most "
+            f"{number(worst['used_max_us'] - worst['budget_us'], 2)} µs more "
             f"({worst['order']}, {worst['scene']}, budget {number(worst['budget_us'], 1)} µs)."
         )
     return f"{text}\n\n{_smallest(rows)}\n"
