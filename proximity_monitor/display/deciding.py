@@ -131,11 +131,12 @@ class Deciding:
         if row is not None:
             state, upper = kind_of(self._pairs, row), self._pairs.upper[row]
         when = self._choice.when
-        known = decision_line(decision, state, upper, scene.unit, f"worse {when}") or NEW
-        more = f", decided {decision.decided}" if decision.decided else ""
+        told = [decision_line(decision, state, upper, scene.unit, f"worse {when}")]
+        if decision.decided:
+            told.append(f"decided {decision.decided}")
         if row is None:
-            more += f"; {when} {reason(self._pair, self._pairs, scene)}"
+            told.append(f"{when} {reason(self._pair, self._pairs, scene)}")
         elif self._choice.at_s is not None:
             then = clearance(self._pairs, row, scene.unit)
-            more += f"; the status refers to this moment: {then}"
-        return f"{known}{more}"
+            told.append(f"the status refers to this moment: {then}")
+        return "; ".join(filter(None, told))

@@ -27,7 +27,7 @@ DEEP = 1.0
 """For a lower bound alone, no scale reaches further below contact than this many times warn: a
 search that the budget cut may leave the lower bound anywhere."""
 
-HEIGHT = 150
+HEIGHT = 125
 """Pixels of the plot's height, with the numbers below it."""
 
 BELOW = 30

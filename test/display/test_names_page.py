@@ -90,6 +90,8 @@ def test_long_names_are_listed_and_push_no_number_out(page):
     numbers = page.locator("#pm-pairs td.pm-num, #pm-pairs td.pm-sign, #pm-pairs .pm-press")
     for i in range(numbers.count()):
         assert numbers.nth(i).evaluate(INSIDE)
+    for hide in page.locator("#pm-pairs .pm-press").all():
+        assert hide.evaluate("each => each.getClientRects().length") == 1, "it is broken"
     assert page.locator("#pm-banner b").first.evaluate(INSIDE)
 
 
