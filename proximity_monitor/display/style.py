@@ -55,7 +55,8 @@ div:has(> #pm-connection) { position: sticky; top: 0; z-index: 5;
 .pm-bar i { position: absolute; top: 0; bottom: 0; border-radius: 2px; min-width: 3px; }
 .pm-bar u { position: absolute; top: -2px; bottom: -2px; width: 1px; background: #666; }
 .pm-table .pm-press { white-space: nowrap; }
-.pm-table .pm-num .pm-unproved { white-space: normal; }
+/* If a row has all words that it can have, they need more than one line. */
+#pm-pairs .pm-on, .pm-num .pm-unproved { white-space: normal; }
 .pm-press { cursor: pointer; text-decoration: underline dotted; opacity: .75; }
 .pm-press:hover { opacity: 1; }
 </style>"""

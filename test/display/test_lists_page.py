@@ -205,7 +205,7 @@ def test_the_past_is_marked_also_where_the_panel_is_scrolled_down(short_session,
 
 def test_what_is_not_proved_turns_grey_when_no_tick_comes(short_session, wait):
     made, page = short_session
-    now, on = frame(3.0, -0.123, STOP), ("patch 123 0.987 0.654", "patch 1234 0.987 0.654")
+    now, on = frame(3.0, -0.123, STOP), ("edge 1 0.3 0.3 0.4", "edge 123456 0.123 0.456 0.421")
     made.choice.pair = now.pairs.names[0]
     made.tell(
         frame=replace(now, pairs=replace(now.pairs, upper=np.array([0.234]), features={0: on}))
@@ -214,6 +214,6 @@ def test_what_is_not_proved_turns_grey_when_no_tick_comes(short_session, wait):
     told = page.locator("#pm-pairs .pm-unproved")
     wait(lambda: told.all_inner_texts() == ["not proved above stop"], "the doubt")
     assert page.locator("#pm-pairs .pm-on").count() == 2
-    assert page.evaluate(TOO_WIDE) <= 0.0  # although the row has all the words that a row can have
     colour = "each => getComputedStyle(each).color"
     wait(lambda: told.evaluate(colour) == "rgb(122, 122, 133)", "the page to turn grey")
+    assert page.evaluate(TOO_WIDE) <= 0.0  # although the row has all words that a row can have
