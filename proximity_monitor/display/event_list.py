@@ -95,11 +95,12 @@ class EventList:
 
         lost = self._events.lost
         rest = f"; {counted(lost, 'older one is', 'older ones are')} no longer kept" if lost else ""
+        told = f"newest first{rest}" if every or lost else "no pair has changed its state yet"
         return (
             f'<div class=pm {PRESSES}><table class=pm-table id="pm-events"><tr><th>at</th>'
             f"<th>state</th><th>pair</th><th class=pm-num>clearance</th></tr>{rows}</table>"
             f"{pager(TURN, page.start, len(listed), mark)}"
-            f"<div class='pm-small pm-dim'>newest first{rest}</div>"
+            f"<div class='pm-small pm-dim'>{told}</div>"
             f"{left_out(len(every) - len(listed))}</div>"
         )
 

@@ -270,6 +270,11 @@ def test_the_panel_keeps_what_is_decided_about_the_highlighted_pair(alone):
     assert (panel._status.value, panel._comment.value) == ("accepted", "as drawn")
 
 
+def test_a_list_without_rows_says_why(alone):
+    assert "no conflict is known so far" in words(alone.all._conflict_list._list)
+    assert "no pair has changed its state yet" in words(alone.all._event_list._list)
+
+
 def test_what_is_told_of_a_moment_that_is_over_is_not_called_now(alone):
     row = frame(1.0, 0.01, STOP)
     none = np.zeros(0, int)
