@@ -218,6 +218,9 @@ def test_pairs_are_highlighted_and_seen_by_keys_alone(page, wait):
     page.keyboard.press("h")
     wait(lambda: not page.locator("#pm-section").count(), "the whole scene")
     press_key("0", [])
+    for gear in ("1 : 10", "1 : 100", "1 : 1000", "1 : 1"):
+        page.keyboard.press("f")
+        wait(lambda gear=gear: field(page, "Drag").input_value() == gear, "finer drags")
 
 
 def test_dragging_into_the_stop_zone_raises_the_alert(taken, eventually, wait):
