@@ -21,18 +21,19 @@ Written on {day} ({machine}, one thread, processor time) by
     {command}
 
 It follows the tables and figures of Son, Yoon, Kim and Elber, *Efficient Minimum Distance
-Computation for Solids of Revolution*, 2020, with five solids in the spirit of theirs: those of the
-bundled scene `chess`, scaled to a largest coordinate of 1 m. The paper prints no numbers for its
-figures, so these show ours alone; its machine and its solids were other ones.
+Computation for Solids of Revolution*, 2020. Its five solids resemble the paper's: they are those of
+the bundled scene `chess`, scaled to a largest coordinate of 1 m. The paper prints no numbers for
+its figures, so these show ours alone. Its machine and its solids were different.
 
 ## Hierarchies (Tables 1 and 2, Figure 9)
 
-The columns PQP and paper are the paper's, the others ours. Meshes have so many triangles that no
-chord is farther from the solid than the precision; `fewer` says that such a mesh would have more
-than the limit of this run, and one of at most that many was taken. `build` is the time that the
-tree of fat arcs takes, with what its largest parts reach along 32 vectors, which counts as its
-memory as well. A solid of revolution keeps its exact patches besides, for questions about
-other kinds of models; they are not counted here. The light mill's 590 MB at 1e-05 are as printed.
+The columns *PQP* and *paper* are the paper's; the others are ours. A mesh has so many triangles
+that no chord is farther from the solid than the precision. `fewer` means that such a mesh would
+exceed this run's limit of triangles, so a mesh within the limit was measured. `build` is the time
+to build the tree of fat arcs, including the reach of its largest parts along 32 vectors; the memory
+includes these as well. A solid of revolution also keeps its exact patches, for questions about
+other kinds of models; they are not counted here. The paper does print 590 MB for the light mill at
+1e-05.
 
 {sizes}
 ![Building the tree of fat arcs](images/revolution_build.png)
@@ -40,51 +41,54 @@ other kinds of models; they are not counted here. The light mill's 590 MB at 1e-
 ## Static solids (Figure 12)
 
 All 15 pairs, at random poses and along a motion of {frames:,} frames in all, shared among the
-pairs; of FCL every hundredth frame or so. Microseconds a question, asked from Python one at a time;
-medians, and means where it says so. The last three columns are means of all poses of a pair in one
-call, of the 15 pairs: what a single question takes besides is the call. A `Pair` is made before, as
-FCL's objects and answers are, one that is not coherent at random poses; `alone` is
-`engine.distance`, which makes all that for each question. Fat arcs are asked for the distance of
-the true solids within the precision; meshes, which are that far from the solids, for their own
-exactly. The bars are means of one pair.
+pairs; FCL was asked at about every hundredth frame. Times are in microseconds per question, asked
+from Python one at a time: medians, or means where the title says so. In the last three columns one
+call asks about all poses of a pair; they are means per question, over the 15 pairs. A single
+question takes longer by the cost of its call. The `Pair` was made beforehand, like FCL's objects;
+at random poses it did not remember volumes (`coherent=False`). `alone` is `engine.distance`, which
+makes all of that for each question. Fat arcs were asked for the distance of the true solids to
+within the precision; meshes, which are that far from the solids, for their own exact distance. The
+bars in the figure are means of one pair.
 
 {distances}
 ![Mean time of a question along a motion, for each pair](images/revolution_distance.png)
 
 ## Deforming solids (Figure 8)
 
-A sixth solid morphs through the five, in 50 steps from each to the next, against each of them.
-Milliseconds a frame: `deform`, and the question.
+A sixth solid morphs through the five, in 50 steps from each to the next. Its distance to each of
+the five is asked in every frame. Milliseconds per frame: `deform` + the question.
 
 {morphing}
 ![A solid that morphs against each of the five](images/revolution_morphing.png)
 
-All five at once, and all ten pairs:
+If all five solids deform at once, and all ten pairs are asked:
 
 {deforming}
 ## Exact answers
 
-At random poses, crossing ones among them, beside OCCT. `open` counts answers whose bounds are more
-than 1e-11 m apart, `OCCT wrong` those of OCCT that are more than 1e-6 m too large, `by` the most.
+At random poses, at some of which the solids cross, beside OCCT. `open` counts answers whose bounds
+are more than 1e-11 m apart. `OCCT wrong` counts answers of OCCT that are more than 1e-6 m too
+large, and `by` is the largest such error, in metres.
 
 {exact}
-Two equal tori of the radii 1 m and 0.3 m, at random poses with centres 0.96 m to 3.6 m apart, asked
-of a `Pair` that is made before, and `alone` by `engine.distance`, as the row above. OCCT gets its
-own toroidal surface, or the same torus as rational faces.
+Two equal tori with radii of 1 m and 0.3 m, at random poses with centres 0.96 m to 3.6 m apart. They
+are asked of a `Pair` that was made beforehand, and `alone` by `engine.distance`, as in the row
+above. OCCT gets its own toroidal surface, or the same torus as rational faces.
 
 {tori}
 ## Depths
 
-All 15 pairs at random poses at which they overlap: how deep, to 1 %, asked one at a time. `points`
-is how many points were tested for their depths, in the median. The meshes are within 0.001 m of the
-solids, and their own depths are told.
+All 15 pairs at random poses at which they overlap: the depth to 1 %, one question at a time.
+`points` is the median number of points whose depth was tested. The meshes are within 0.001 m of the
+solids; they are asked for their own depth.
 
 {depths}
 ## Press fits
 
-Shafts that are a little too wide for a bore of 0.6 m, a metre long, off its axis and tilted by up
-to half of that, asked about in either order, to 1 % of the depth: milliseconds, median and most;
-bounds in the median; and how many had wider bounds at the end.
+Shafts of 1 m length, whose radius is slightly too large for a bore of 0.6 m radius. They are off
+its axis and tilted by up to half of the excess. Each pair is asked about in both orders, to 1 % of
+the depth. The columns are milliseconds (median and maximum), the median number of bounds, and how
+many answers had wider bounds in the end.
 
 {fits}"""
 

@@ -23,6 +23,8 @@ TURN = "conflicts-from"
 EVERY_S = 0.5
 """Seconds between two updates of the list."""
 
+NOTHING = "<div class='pm-small pm-dim'>no conflict is known so far</div>"
+
 
 class ConflictList:
     """Lists each pair that was not clear in the session or has a status, the worst first."""
@@ -76,7 +78,7 @@ class ConflictList:
         return (
             f'<div class=pm {PRESSES}><table class=pm-table id="pm-conflicts"><tr><th>worst</th>'
             f"<th>pair</th><th class=pm-num>smallest</th><th class=pm-num>at</th></tr>{rows}"
-            f"</table>{pager(TURN, page.start, len(listed))}"
+            f"</table>{pager(TURN, page.start, len(listed))}{'' if every else NOTHING}"
             f"{left_out(len(every) - len(listed))}</div>"
         )
 

@@ -69,7 +69,7 @@ def connection(news: News, now_s: float) -> Connection:
         last = min(since_frame, since_health)
         what = f"monitor gone for {last:.0f} s"
         if math.isinf(since_health):
-            what = "waiting for the monitor"
+            what = "waiting for a monitor: start one, or compare namespaces and ROS_DOMAIN_ID"
         return Connection(ConnectionState.DISCONNECTED, what, current=False)
     if news.unreadable:
         what = "; ".join(f"{kind}: {why}" for kind, why in sorted(news.unreadable.items()))

@@ -21,6 +21,7 @@ from proximity_monitor.display.conflicts import (
 )
 from proximity_monitor.display.decisions import NEW, STATUSES, Decision
 from proximity_monitor.display.order import kind_of
+from proximity_monitor.display.pairs import brief
 from proximity_monitor.display.signs import clearance
 from proximity_monitor.display.state import Pairs, SceneInfo
 from proximity_monitor.display.unlisted import reason
@@ -46,12 +47,14 @@ class Deciding:
         self._folder = gui.add_folder("Status of the pair", expand_by_default=False)
         with self._folder:
             self._note = gui.add_html("")
-            self._status = gui.add_dropdown("Status", STATUSES)
-            self._comment = gui.add_text("Comment", "")
-            self._keep = gui.add_button(
-                "Save the status", icon=viser.Icon.CHECK,
-                hint="For all, in a file; alerts do not change",
-            )  # fmt: skip
+            self._status = gui.add_dropdown(
+                "Status",
+                STATUSES,
+                hint="A note for everybody, kept in a file; alerts do not change",
+            )
+            self._comment = gui.add_text("Comment", "", hint="Saved with the status")
+            self._keep = gui.add_button("Save the status", icon=viser.Icon.CHECK)
+            self._where = gui.add_html("")
 
         @self._keep.on_click
         def _(_) -> None:
@@ -80,10 +83,16 @@ class Deciding:
         problem = escape(self._decisions.problem)
         self._folder.visible = pair is not None or bool(problem)
         self._note.content = (
-            f'<div class="pm pm-small" id="pm-decided">{escape(self._line(decision, scene, row))}'
+            f'<div class="pm pm-small" id="pm-decided">{self._told(decision, scene, row)}'
             f'<div class="pm-unproved">{escape(self._clash)}</div>'
             f'<div class="pm-unproved">{problem}</div></div>'
         )
+        path, where = self._decisions.path, ""
+        if pair is not None and path is not None:
+            written = self._decisions.is_written(pair)
+            told = f"{'Decisions are kept in' if written else 'Not yet written to'} {path}"
+            where = f'<div class="pm pm-small pm-dim" id="pm-kept">{escape(told)}</div>'
+        self._where.content = where
 
     @property
     def _typed(self) -> tuple[str, str]:
@@ -106,21 +115,28 @@ class Deciding:
         )
         return agrees
 
-    def _line(self, decision, scene: SceneInfo, row: int | None) -> str:
+    def _told(self, decision: Decision, scene: SceneInfo, row: int | None) -> str:
+        """Return the pair and the decision about it as HTML.
+
+        The pair's row in the list may be scrolled out of the panel, so this tells its clearance.
+        """
         if self._pair is None:
             return "Press a pair in the list to set its status."
+        pairs = self._pairs
+        pair = escape(" - ".join(self._pair)) if row is None else brief(pairs, row, scene)
+        return f"<div>{pair}</div>{escape(self._line(decision, scene, row))}"
+
+    def _line(self, decision: Decision, scene: SceneInfo, row: int | None) -> str:
         state, upper = "", math.nan
         if row is not None:
             state, upper = kind_of(self._pairs, row), self._pairs.upper[row]
         when = self._choice.when
-        known = decision_line(decision, state, upper, scene.unit, f"worse {when}") or NEW
-        line = f"{' - '.join(self._pair)}: {known}"
-        more = f", decided {decision.decided}" if decision.decided else ""
+        told = [decision_line(decision, state, upper, scene.unit, f"worse {when}")]
+        if decision.decided:
+            told.append(f"decided {decision.decided}")
         if row is None:
-            more += f"; {when} {reason(self._pair, self._pairs, scene)}"
+            told.append(f"{when} {reason(self._pair, self._pairs, scene)}")
         elif self._choice.at_s is not None:
             then = clearance(self._pairs, row, scene.unit)
-            more += f"; the status refers to this moment: {then}"
-        if (path := self._decisions.path) is not None:
-            more += f"; {'kept' if self._decisions.is_written(self._pair) else 'not yet'} in {path}"
-        return f"{line}{more}"
+            told.append(f"the status refers to this moment: {then}")
+        return "; ".join(filter(None, told))

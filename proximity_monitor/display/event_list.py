@@ -42,9 +42,8 @@ class EventList:
         self._newest: int | None = None  # first event on the page; None: always the newest
         self._reset_here = False
         button = gui.add_button(
-            "Reset the smallest clearances", icon=viser.Icon.ERASER,
-            hint="In all browsers, and in the monitor for all its subscribers",
-        )  # fmt: skip
+            "Reset the smallest clearances, for everybody", icon=viser.Icon.ERASER
+        )
         self._reset = gui.add_html("")
         self._picture = picture
         picture.add(gui)
@@ -96,11 +95,12 @@ class EventList:
 
         lost = self._events.lost
         rest = f"; {counted(lost, 'older one is', 'older ones are')} no longer kept" if lost else ""
+        told = f"newest first{rest}" if every or lost else "no pair has changed its state yet"
         return (
             f'<div class=pm {PRESSES}><table class=pm-table id="pm-events"><tr><th>at</th>'
             f"<th>state</th><th>pair</th><th class=pm-num>clearance</th></tr>{rows}</table>"
             f"{pager(TURN, page.start, len(listed), mark)}"
-            f"<div class='pm-small pm-dim'>newest first{rest}</div>"
+            f"<div class='pm-small pm-dim'>{told}</div>"
             f"{left_out(len(every) - len(listed))}</div>"
         )
 

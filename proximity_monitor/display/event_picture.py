@@ -17,7 +17,7 @@ from proximity_monitor.display.choice import Choice
 from proximity_monitor.display.events import Event, Events
 from proximity_monitor.display.parts import Parts
 from proximity_monitor.display.portraits import Portraits
-from proximity_monitor.display.save import png
+from proximity_monitor.display.save import png, why_not
 from proximity_monitor.display.signs import length
 from proximity_monitor.display.state import SceneInfo
 
@@ -88,7 +88,7 @@ class EventPicture:
             image = self._portraits.take(event.sight.frame(event.pair), event.pair, parts)
             self._events.keep(event, png(image))
         except Exception as error:  # any failure of a browser is told in place of the picture
-            self._problem = f"No picture: {type(error).__name__}: {error}"
+            self._problem = f"No picture: {why_not(error)}"
         finally:
             self._busy = False
 

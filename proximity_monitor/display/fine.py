@@ -39,11 +39,15 @@ class Fine:
             self._gear = gui.add_dropdown(
                 "Drag", GEARS, hint="The part moves this share of the hand's way; key F: next"
             )
-            self._snap = gui.add_checkbox("Snap drags to the steps", False)
-            self._step = gui.add_number("Step", 0.1, min=0.0)
-            self._turn = gui.add_number("Turn step [deg]", 1.0, min=0.0, max=90.0)
-            shifts = gui.add_button_group("Step by", SHIFTS)
-            turns = gui.add_button_group("Turn by", TURNS)
+            self._snap = gui.add_checkbox(
+                "Snap drags to the steps", False, hint="A drag moves and turns by whole steps"
+            )
+            self._step = gui.add_number("Step", 0.1, min=0.0, hint="Length of a step")
+            self._turn = gui.add_number(
+                "Turn step [deg]", 1.0, min=0.0, max=90.0, hint="Angle of a step"
+            )
+            shifts = gui.add_button_group("Step by", SHIFTS, hint="Along the part's own axes")
+            turns = gui.add_button_group("Turn by", TURNS, hint="About the part's own axes")
         self._start = self._hand = IDENTITY  # the part's pose at first; the hand's last pose
         self._shift, self._turned = np.zeros(3), np.zeros(3)  # sums over the drag so far
         key = gui.add_command("Finer drags", hotkey="F")

@@ -25,11 +25,26 @@ EVERY = "(all parts)"
 class Inspect:
     """The buttons for seeing a gap, and the section of one page."""
 
-    def __init__(self, client: viser.ClientHandle, choice: Choice, look_at_all: Callable) -> None:
-        """Add the buttons at the current place of the GUI; `look_at_all` shows the whole scene."""
+    def __init__(
+        self,
+        client: viser.ClientHandle,
+        choice: Choice,
+        look_at_all: Callable,
+        over: viser.GuiHtmlHandle,
+    ) -> None:
+        """Add the buttons at the current place of the GUI.
+
+        Args:
+            client: the browser.
+            choice: holds the highlighted pair and the looks of the parts.
+            look_at_all: shows the whole scene.
+            over: shows a line over the picture while a section is on; in the panel such a line
+                would push the list down.
+        """
         self._client = client
         self._choice = choice
         self._look_at_all = look_at_all
+        self._over = over
         self._plane: Plane | None = None
         self._section: Section | None = None
         self._parts: Parts | None = None
@@ -42,7 +57,7 @@ class Inspect:
 
         @buttons.on_click
         def _(_) -> None:
-            self._do(buttons.value)
+            self.do(buttons.value)
 
         @client.camera.on_update
         async def _(camera: viser.CameraHandle) -> None:
@@ -50,9 +65,13 @@ class Inspect:
 
     def add_looks(self, gui: viser.GuiApi) -> None:
         """Add the inputs for how each part is drawn, at the current place of the GUI."""
-        self._whose = gui.add_dropdown("Look of", (EVERY,))
-        self._opacity = gui.add_slider("Opacity", 0.0, 1.0, 0.05, 1.0)
-        self._edges = gui.add_checkbox("Edges", True)
+        self._whose = gui.add_dropdown(
+            "Look of", (EVERY,), hint="The fields below change how this part is drawn"
+        )
+        self._opacity = gui.add_slider(
+            "Opacity", 0.0, 1.0, 0.05, 1.0, hint="0: invisible, 1: opaque"
+        )
+        self._edges = gui.add_checkbox("Edges", True, hint="Draws sharp and open edges")
         self._bands = gui.add_checkbox(
             "Bands", False, hint="Colours by clearance: below stop, below warn, above"
         )
@@ -93,12 +112,12 @@ class Inspect:
         wanted = [name for name, look in looks.items() if look.bands]
         self._banding.show(scene, frame, parts, wanted, now_s, self._choice.at_s is not None)
         self._legend.content = self._banding.legend()
-        on = f"a section is on; {WHOLE} ends it" if self._plane is not None else ""
+        on = f"A section is on. To end it, press <i>{WHOLE}</i>."
+        on = f'<div class="pm-over" id="pm-section">{on}</div>'
+        self._over.content = on if self._plane is not None else ""
         pair, problem = self._problem
-        told = [on, escape(problem) if pair == self._choice.pair else ""]
-        lines = "<br>".join(filter(None, told))
-        note = f'<div class="pm pm-small" id="pm-section">{lines}</div>'
-        self._note.content = note if lines else ""
+        note = f'<div class="pm pm-small" id="pm-no-gap">{escape(problem)}</div>'
+        self._note.content = note if problem and pair == self._choice.pair else ""
         plane = self._plane if sitting is None else sitting.cut
         if plane is not self._section.plane:
             self._section.aim(plane)
@@ -126,7 +145,10 @@ class Inspect:
             return None
         return pairs.points[row] * self._parts.scale
 
-    def _do(self, what: str) -> None:
+    def do(self, what: str) -> None:
+        """Do what a button does: `ZOOM`, `SECTION` or `WHOLE`."""
+        if self._parts is None:
+            return
         camera, ends, pair = self._client.camera, self.gap(), self._choice.pair
         whose = "any pair" if pair is None else " - ".join(pair)
         lacks = ends is None and what != WHOLE

@@ -31,6 +31,10 @@ LED = 20.0
 LONGEST = 24
 """Maximum characters of a part's name in a label; a longer name loses its middle."""
 
+GLYPHS = "0123456789.-… nm/adeilopst∞●▲△■□✖?"
+"""All characters of clearances and signs. A browser draws a character that is new to it only in a
+later frame, and the label shows its old text until then. So these are drawn at the start."""
+
 EVERY_S = 0.1
 """Minimum seconds between two searches for places, each of which takes some milliseconds."""
 
@@ -121,6 +125,7 @@ class Labels:
             f"{under}/leaders", nothing, (90, 95, 105), thickness=1.0, thickness_units="screen",
             visible=False,
         )  # fmt: skip
+        api.add_label(f"{under}/glyphs", GLYPHS, visible=False)
 
     def show(
         self, labels: Sequence[Label], view: View, keep_free: np.ndarray, at_once: bool = False

@@ -24,6 +24,9 @@ LABELS = 10
 ALWAYS = 3
 """How many of the nearest pairs have a label even if they are clear."""
 
+OWN = 4
+"""How many of the nearest pairs of the body at the gizmo have a label even if they are clear."""
+
 THIN, THICK, DOT = 2.0, 5.0, 9.0
 """Pixels: width of thin and of thick lines, and size of the closest points."""
 
@@ -85,7 +88,7 @@ class Lines:
             for name, width in (("thin", THIN), ("thick", THICK), ("points", DOT))
         }  # fmt: skip
         self.labels: list[Label] = []
-        """The labels of the drawn pairs, the nearest first."""
+        """The labels of drawn pairs: those of the body at the gizmo first, then the nearest."""
         self.tips = np.zeros((0, 3))
         """(n, 3) the drawn closest points, in the page's units."""
 
@@ -124,11 +127,25 @@ class Lines:
         for width, line in self._lines.items():
             _set_lines(line, segments[width], painted[width])
         self.tips = points.reshape(-1, 3)
-        urgent = (np.arange(len(rows)) < ALWAYS) | (pairs.level[rows] != 0)
-        labelled = np.flatnonzero(urgent | pairs.touching[rows])[:LABELS]
         self.labels = [
-            Label(_told(pairs, rows[k], scene), points[k].mean(axis=0)) for k in labelled
+            Label(_told(pairs, rows[k], scene), points[k].mean(axis=0))
+            for k in labelled(pairs, rows, choice.body)
         ]
+
+
+def labelled(pairs: Pairs, rows: np.ndarray, body: str | None) -> np.ndarray:
+    """Return which of the drawn rows have a label, as places in `rows`, the most important first.
+
+    Args:
+        pairs: the pairs of a tick.
+        rows: (k,) from `shown_rows`.
+        body: the body at the gizmo. Its nearest pairs come first, because the person who moves it
+            looks there.
+    """
+    own = np.flatnonzero(np.isin(rows, pairs.rows_of.get(body, ())))[:OWN]
+    urgent = (np.arange(len(rows)) < ALWAYS) | (pairs.level[rows] != 0) | pairs.touching[rows]
+    urgent[own] = False
+    return np.concatenate((own, np.flatnonzero(urgent)))[:LABELS]
 
 
 def _told(pairs: Pairs, i: int, scene: SceneInfo) -> str:

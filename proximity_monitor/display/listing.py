@@ -55,6 +55,14 @@ def listing(
     )
 
 
+def in_order(
+    pairs: Pairs, scene: SceneInfo, choice: Choice, decisions: Decisions
+) -> list[PairName]:
+    """Return the names of the listed pairs, in the order of the list; arguments as in `listing`."""
+    groups = listing(pairs, scene, choice, decisions).groups
+    return [pairs.names[i] for _, rows in groups for i in rows]
+
+
 def _matching(pairs: Pairs, of: np.ndarray, choice: Choice, decisions: Decisions) -> np.ndarray:
     if not choice.filtered:
         return np.ones(len(pairs), bool)
@@ -106,10 +114,16 @@ class Filters:
         """Add the inputs at the current place of the GUI."""
         search = gui.add_text("Search", "", hint="Words in the names of both parts")
         with gui.add_folder("Filter and group", expand_by_default=False):
-            state = gui.add_dropdown("State", (ALL, *KINDS))
-            self._part = part = gui.add_dropdown("Of part", (ALL,))
-            status = gui.add_dropdown("Of status", (ALL, *STATUSES))
-            group = gui.add_dropdown("Group by", (NO_GROUPS, *GROUPS))
+            state = gui.add_dropdown("State", (ALL, *KINDS), hint="Lists only pairs in this state")
+            self._part = part = gui.add_dropdown(
+                "Of part", (ALL,), hint="Lists only pairs of this part"
+            )
+            status = gui.add_dropdown(
+                "Of status", (ALL, *STATUSES), hint="Lists only pairs with this decision"
+            )
+            group = gui.add_dropdown(
+                "Group by", (NO_GROUPS, *GROUPS), hint="Puts a heading above each group"
+            )
         self._inputs = ((search, ""), (state, ALL), (part, ALL), (status, ALL))
         self._choice = choice
 

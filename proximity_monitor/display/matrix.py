@@ -41,8 +41,9 @@ def matrix(pairs: Pairs, scene: SceneInfo, highlighted: PairName | None = None) 
     )
     rest = "most urgent pairs only" if len(names) >= PARTS else ""
     rest = f"<div class='pm-small pm-dim'>{rest}</div>"
+    begin = '<table class=pm-table id="pm-matrix" style="width:auto">'
     return (
-        f'<div class=pm {PRESSES}><table class=pm-table id="pm-matrix" style="width:auto">'
+        f'<div class="pm pm-wide" {PRESSES}>{begin}'
         f"<tr><th></th>{head}</tr>{rows}</table>{rest}</div>"
     )
 

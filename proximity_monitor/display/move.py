@@ -18,8 +18,9 @@ from proximity_monitor.display.geometry import from_degrees, moved, to_degrees
 from proximity_monitor.display.guard import AT_CONTACT, AT_STOP, FREE
 from proximity_monitor.display.holds import Hand
 from proximity_monitor.display.inbox import News
+from proximity_monitor.display.pairs import brief
 from proximity_monitor.display.parts import Parts
-from proximity_monitor.display.signs import DECIMALS, clearance, glyph, sign
+from proximity_monitor.display.signs import DECIMALS
 from proximity_monitor.display.state import Frame, Pairs, SceneInfo
 
 NOBODY = "(none)"
@@ -67,12 +68,15 @@ class Move:
         self._near = gui.add_html("")
         self._now = gui.add_html("")
         with gui.add_form(None) as form:  # so that Enter in a field puts the part there
-            self._position = gui.add_vector3("Position", (0.0, 0.0, 0.0))
+            self._position = gui.add_vector3(
+                "Position", (0.0, 0.0, 0.0), hint="Of the part's origin, in the scene's frame"
+            )
             self._turn = gui.add_vector3(
                 "Turn [deg]", (0.0, 0.0, 0.0), step=1.0, hint="Roll, pitch and yaw about fixed axes"
             )
-        self._apply = gui.add_button("Put it there", icon=viser.Icon.TARGET_ARROW, hint="Enter")
-        self._undo = gui.add_button("Undo", icon=viser.Icon.ARROW_BACK_UP, hint="Ctrl+Z")
+        # A button shows no hint, so its label names the key.
+        self._apply = gui.add_button("Put it there (Enter)", icon=viser.Icon.TARGET_ARROW)
+        self._undo = gui.add_button("Undo (Ctrl+Z)", icon=viser.Icon.ARROW_BACK_UP)
         self._reset = gui.add_button("Back to where it was", icon=viser.Icon.REFRESH)
         self._release = gui.add_button(LET_GO, icon=viser.Icon.HAND_OFF)
         self._stop = gui.add_dropdown(
@@ -285,12 +289,7 @@ def _clearances(name: str | None, pairs: Pairs, scene: SceneInfo) -> str:
         return ""
     own = np.array(pairs.rows_of.get(name, ()), int)
     rows = own[np.argsort(pairs.lower[own])][:NEAREST]
-    told = "".join(
-        f'<div class=pm-line><b style="color:{(shown := sign(pairs, i, scene)).colour}">'
-        f"{glyph(shown)}</b><span class=pm-cut>{escape(' - '.join(pairs.names[i]))}</span>"
-        f"<span class=pm-num>{clearance(pairs, i, scene.unit)}</span></div>"
-        for i in rows
-    )
+    told = "".join(brief(pairs, i, scene) for i in rows)
     return f'<div class="pm pm-small" id="pm-near">{told}</div>'
 
 

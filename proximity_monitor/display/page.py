@@ -11,7 +11,7 @@ import viser
 
 from proximity_monitor.display import conflict_list, event_list, picking, serving
 from proximity_monitor.display.bridge import Bridge, as_pair
-from proximity_monitor.display.choice import Choice
+from proximity_monitor.display.choice import Choice, PairName
 from proximity_monitor.display.conflict_list import ConflictList
 from proximity_monitor.display.connection import Connection, banner, pill
 from proximity_monitor.display.deciding import Deciding
@@ -22,9 +22,10 @@ from proximity_monitor.display.fresh import Beat, patience_s
 from proximity_monitor.display.holds import Hand
 from proximity_monitor.display.inbox import News
 from proximity_monitor.display.inspection import Inspect
+from proximity_monitor.display.keys import Keys
 from proximity_monitor.display.labels import Label, Labels
 from proximity_monitor.display.lines import Lines
-from proximity_monitor.display.listing import Filters
+from proximity_monitor.display.listing import Filters, in_order
 from proximity_monitor.display.matrix import matrix
 from proximity_monitor.display.move import Move
 from proximity_monitor.display.pairs import table
@@ -51,6 +52,8 @@ LONGEST_S = 0.5
 
 CHARACTER_S = 1e-6
 """Seconds between two updates of a list per character of its HTML, which the browser must read."""
+
+REMEDY = "It tries again. If that does not help, reload it; details are in the display's log."
 
 FAULT_S = 10.0
 """Seconds for which an error is shown after the last failed step."""
@@ -91,6 +94,7 @@ class Page:
         self._fault = gui.add_html("")
         self._pill = gui.add_html("")
         self._banner = gui.add_html("")
+        self._over = gui.add_html("")  # lies over the picture
         tabs = gui.add_tab_group()
         with tabs.add_tab("Clearances", viser.Icon.RULER_MEASURE):
             self._add_list(gui)
@@ -115,6 +119,7 @@ class Page:
             self._files = ReportFiles(
                 gui, shared, self._portraits, lambda: self._shown, lambda: self._parts
             )
+        Keys(gui, self._choice, self._listed_pairs, self._pick, self._inspect.do)
         self._turns.hear_all()
 
     def take_up(self) -> None:
@@ -148,7 +153,7 @@ class Page:
         """Show an error of the page, and keep it for `FAULT_S` after the last; empty: no error."""
         if fault:
             self._fault_until_s = now_s + FAULT_S
-            text = escape(f"This page failed, and may show old numbers: {fault[:200]}")
+            text = escape(f"This page failed, and may show old numbers: {fault[:200]}. {REMEDY}")
             self._fault.content = f'<div class="pm pm-fault" id="pm-fault" role=alert>{text}</div>'
         elif now_s >= self._fault_until_s and self._fault.content:
             self._fault.content = ""
@@ -275,7 +280,7 @@ class Page:
         self._all_placed = bool(frame.poses[:, 3:].any(axis=1).all())
 
     def _add_list(self, gui: viser.GuiApi) -> None:
-        self._inspect = Inspect(self._client, self._choice, self._look_again)
+        self._inspect = Inspect(self._client, self._choice, self._look_again, self._over)
         self._filters = Filters(gui, self._choice)
         self._deciding = Deciding(gui, self._decisions, self._choice, self._camera)
         self._table = gui.add_html("")
@@ -286,7 +291,9 @@ class Page:
                 "Lines", 0, 200, 1, self._choice.lines,
                 hint="Number of nearest pairs to draw, besides all that are not clear",
             )  # fmt: skip
-            names = gui.add_checkbox("Names", self._choice.names)
+            names = gui.add_checkbox(
+                "Names", self._choice.names, hint="Shows the names of parts in the picture"
+            )
             self._inspect.add_looks(gui)
         self._about = gui.add_html("")
 
@@ -330,10 +337,21 @@ class Page:
         if what == "ignore":
             choice.ignore(pair)
         elif what == "pick":
-            choice.pair = None if choice.pair == pair else pair
+            self._pick(None if choice.pair == pair else pair)
+
+    def _pick(self, pair: PairName | None) -> None:
+        """Highlight a listed pair and look at its gap; None: highlight no pair."""
+        self._choice.pair = pair
+        if self._shown is not None:
             pairs = self._shown.frame.pairs
-            if (row := pairs.places.get(choice.pair)) is not None:
+            if (row := pairs.places.get(pair)) is not None:
                 self._approach(pairs.points[row])
+
+    def _listed_pairs(self) -> list[PairName]:
+        """Return the pairs of the list, in its order."""
+        if (shown := self._shown) is None:
+            return []
+        return in_order(shown.frame.pairs, shown.scene, self._choice, self._decisions.all)
 
     def _approach(self, points: np.ndarray) -> None:
         """Look at closest points (2, 3) from the camera's present direction, but nearer."""

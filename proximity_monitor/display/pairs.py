@@ -15,6 +15,7 @@ from proximity_monitor.display.order import KINDS, kinds
 from proximity_monitor.display.signs import (
     clearance,
     feature,
+    glyph,
     length,
     margin,
     mark,
@@ -77,6 +78,16 @@ def table(
     return (
         f'<div class=pm {PRESSES}><table class=pm-table id="pm-pairs">{head}{"".join(body)}</table>'
         f"{_rest(pairs, found, left)}{_ignored(pairs, scene, choice)}</div>"
+    )
+
+
+def brief(pairs: Pairs, i: int, scene: SceneInfo) -> str:
+    """Return a pair as one line of HTML: its sign, its name and its clearance."""
+    shown = sign(pairs, i, scene)
+    return (
+        f'<div class=pm-line><b style="color:{shown.colour}">{glyph(shown)}</b>'
+        f"<span class=pm-cut>{escape(' - '.join(pairs.names[i]))}</span>"
+        f"<span class=pm-num>{clearance(pairs, i, scene.unit)}</span></div>"
     )
 
 

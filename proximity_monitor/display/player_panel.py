@@ -23,7 +23,7 @@ LEAST_S = 60.0
 SPEED_MOST = 1000.0
 """Highest speed that the player takes."""
 
-NONE = "No player publishes a motion."
+NONE = "No player publishes a motion. To start one: ros2 run proximity_monitor player."
 ENDED = (
     "The player has ended, as one with loop:=false does after its motion. Start it again to play;"
     " the session so far stays."
@@ -53,7 +53,9 @@ class PlayerPanel:
                 step=0.01,  # it also rounds what is typed
                 hint="Seconds of motion per second",
             )
-            self._seek = gui.add_slider("Moment [s]", 0.0, 1.0, 0.001, 0.0)
+            self._seek = gui.add_slider(
+                "Moment [s]", 0.0, 1.0, 0.001, 0.0, hint="Where to continue in the motion"
+            )
 
         @self._play.on_click
         def _(_) -> None:

@@ -17,6 +17,9 @@ LOG, THRESHOLDS = "Log", "Thresholds"
 
 _THRESHOLDS = ("warn", "stop")
 
+LIMITS = "warn dashed, stop dotted"
+"""The part of the title that says which line is which."""
+
 ABOVE = 3.0
 """The scale THRESHOLDS reaches to this many times warn."""
 
@@ -24,7 +27,7 @@ DEEP = 1.0
 """For a lower bound alone, no scale reaches further below contact than this many times warn: a
 search that the budget cut may leave the lower bound anywhere."""
 
-HEIGHT = 150
+HEIGHT = 125
 """Pixels of the plot's height, with the numbers below it."""
 
 BELOW = 30
@@ -55,7 +58,9 @@ class Plot:
         self._plot: viser.GuiUplotHandle | None = None
         self._title = gui.add_html("")
         self._holder = gui.add_folder(None)
-        self._scale = gui.add_dropdown("Scale", (LOG, THRESHOLDS))
+        self._scale = gui.add_dropdown(
+            "Scale", (LOG, THRESHOLDS), hint=f"{THRESHOLDS}: only up to {ABOVE:g} times warn"
+        )
 
     def show(self, scene: SceneInfo, start: float) -> None:
         """Draw the session so far, which began at the stamp `start`; cover times not known.
@@ -76,7 +81,7 @@ class Plot:
         if drawn is None:
             nearest = nearest_pair(newest, ignored, 0.1**digits * unit.to_metre)
             drawn = scene.thresholds if nearest is None else scene.thresholds_of(nearest)
-            whose = "; thresholds of "
+            whose = ", of "
             whose += "the scene" if nearest is None else f"{' - '.join(nearest)}, the nearest now"
         warn, stop = (getattr(drawn, x) / unit.to_metre for x in _THRESHOLDS)
         thresholds = Thresholds(warn, stop, 0.0)
@@ -106,7 +111,7 @@ class Plot:
         grey = "; grey: not known" if cover.any() else ""
         which = "all" if len(newest) == scene.pairs else "the listed"
         title = f"smallest clearance of {which} pairs" if pair is None else " - ".join(pair)
-        what = f"lower and upper bound [{unit.symbol}] over time [s]"
+        what = f"lower and upper bound [{unit.symbol}] over time [s]; {LIMITS}"
         told = escape(f"{title}: {what}{whose}{grey}")
         self._title.content = f'<div class="pm pm-small" id="pm-plot">{told}</div>'
 
@@ -277,5 +282,5 @@ def _series(symbol: str) -> tuple[dict, ...]:
             "points": {"show": False},
         },
         {"label": f"warn [{symbol}]", "stroke": "#e69f00", "dash": (8, 4), "width": 1},
-        {"label": f"stop [{symbol}]", "stroke": "#d55e00", "dash": (3, 3), "width": 1},
+        {"label": f"stop [{symbol}]", "stroke": "#d55e00", "dash": (2, 3), "width": 1},
     )

@@ -109,7 +109,7 @@ def sender(
         try:
             file = make(content, client)
         except Exception as error:  # shown on the page, and logged when the thread ends
-            client.add_notification("Not saved", f"{type(error).__name__}: {error}", color="red")
+            client.add_notification("Not saved", why_not(error), color="red")
             raise
         name = f"{content.scene.name}.{suffix}"
         client.send_file_download(name, file, save_immediately=True)
@@ -120,6 +120,13 @@ def sender(
             threading.Thread(target=send, args=(content, client), daemon=True).start()
 
     return on_click
+
+
+def why_not(error: Exception) -> str:
+    """Return for people why a file or a picture could not be made, and what to do."""
+    if isinstance(error, TimeoutError):  # a browser draws nothing in a tab that nobody sees
+        return "the browser drew no picture in time: keep this tab in front, and try again"
+    return f"{type(error).__name__}: {error}"
 
 
 def png(image: np.ndarray) -> bytes:

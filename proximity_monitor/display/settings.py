@@ -29,6 +29,14 @@ LEAST_M = 1e-3
 _REL_TOP = 50.0
 """Maximum of the slider of the relative error, in percent."""
 
+_HINTS = {
+    "warn": "A clearance at or below this is at warn",
+    "stop": "A clearance at or below this is at stop",
+    "hysteresis": "An alert ends only when the clearance exceeds the threshold by more than this",
+    "budget": "Time for the searches of one tick. When it ends, bounds stay certain, but wide",
+    "error": "A search may stop when the bounds are this close. 0 in both error fields: exact",
+}
+
 Values = Mapping[str, float]
 
 
@@ -50,13 +58,15 @@ class SettingsPanel:
         with gui.add_folder("Thresholds"):
             self._whose = gui.add_html("")
             self._lengths = {
-                name: gui.add_slider(name, 0.0, 1.0, 0.001, 0.0)
+                name: gui.add_slider(name, 0.0, 1.0, 0.001, 0.0, hint=_HINTS[name])
                 for name in ("warn", "stop", "hysteresis")
             }
         with gui.add_folder("Accuracy and its cost"):
-            self._budget = gui.add_slider("Budget [ms]", 0.0, 50.0, 0.5, 0.0)
-            self._rel = gui.add_slider("Relative error [%]", 0.0, _REL_TOP, 0.5, 0.0)
-            self._abs = gui.add_slider("Absolute error", 0.0, 1.0, 0.001, 0.0)
+            self._budget = gui.add_slider("Budget [ms]", 0.0, 50.0, 0.5, 0.0, hint=_HINTS["budget"])
+            self._rel = gui.add_slider(
+                "Relative error [%]", 0.0, _REL_TOP, 0.5, 0.0, hint=_HINTS["error"]
+            )
+            self._abs = gui.add_slider("Absolute error", 0.0, 1.0, 0.001, 0.0, hint=_HINTS["error"])
             self._cost = gui.add_html("")
         self._refusal = gui.add_html("")
         for name, slider in self._lengths.items():

@@ -138,10 +138,15 @@ def length(metres: float, unit: Unit) -> str:
 
 
 def clearance(pairs: Pairs, row: int, unit: Unit) -> str:
-    """Return a pair's clearance: one number, or both bounds if they differ in the shown digits."""
+    """Return a pair's clearance: one number, or both bounds if they differ in the shown digits.
+
+    That of a stale pair is called the last one, because nothing is certain about the present one.
+    """
     if pairs.status[row] == UNKNOWN:
         return "no pose"
-    return between(pairs.lower[row], pairs.upper[row], pairs.status[row] == OVERLAPPING, unit)
+    overlapping = bool(pairs.status[row] == OVERLAPPING)
+    told = between(pairs.lower[row], pairs.upper[row], overlapping, unit)
+    return f"last {told}" if pairs.level[row] == STALE else told
 
 
 def between(lower: float, upper: float, overlapping: bool, unit: Unit) -> str:

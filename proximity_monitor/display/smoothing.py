@@ -1,9 +1,12 @@
-"""Without a graphics card, the page draws without smoothing edges.
+"""The scripts in the page's document, for which viser has no setting.
 
-A browser without one draws on the processor, where antialiasing takes about half of a picture's
-time. viser always asks for antialiasing and has no setting for that. So a script that runs before
-viser's own looks at what draws, and leaves antialiasing out if it is software. With `?smooth`
-behind the page's address nothing is left out, for pictures.
+Without a graphics card, the page draws without smoothing edges. A browser without one draws on the
+processor, where antialiasing takes about half of a picture's time. viser always asks for
+antialiasing. So a script that runs before viser's own looks at what draws, and leaves antialiasing
+out if it is software. With `?smooth` behind the page's address nothing is left out, for pictures.
+
+After Enter, a pose that was typed is in force. Then the field loses the focus, because keys that
+are pressed in a field, such as Ctrl+Z, change its text and nothing else.
 """
 
 from __future__ import annotations
@@ -26,6 +29,7 @@ if (!new URLSearchParams(location.search).has('smooth')) {
     };
   }
 }
+addEventListener('submit', () => document.activeElement?.blur());
 </script>
 """
 _HEAD = b"<head>\n"

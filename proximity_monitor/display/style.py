@@ -12,6 +12,7 @@ STYLE = (
 /* The folder above leaves much room below it, and the smallest window shows the first pair. */
 .pm:has(> #pm-pairs) { margin-top: -9px; }
 /* The panel is as wide as its widest content, so a long line must not count. */
+.pm-wide { contain: inline-size; overflow-x: auto; }
 .pm-line { display: flex; align-items: center; gap: 8px; contain: inline-size; }
 div:has(> #pm-connection) { position: sticky; top: 0; z-index: 5;
                             background: var(--mantine-color-body); }
@@ -42,12 +43,20 @@ div:has(> #pm-connection) { position: sticky; top: 0; z-index: 5;
 .pm-table .pm-group td { font-weight: 600; background: #8882; }
 .pm-unproved { color: var(--pm-old, #b04e00); font-weight: 600; }
 .pm-fault { border: 2px solid #b3261e; border-radius: 6px; padding: 6px 10px; color: #b3261e; }
+.pm-over { position: fixed; left: 10px; bottom: 10px; padding: 3px 10px; border-radius: 6px;
+           border: 1px solid #8886; background: #fffd; color: #222; pointer-events: none;
+           font: 13px/1.45 system-ui, sans-serif; }
+/* The room below the title of a folder that is closed: the list needs it. */
+.mantine-Paper-root:has(> .mantine-Paper-root) > :last-child :empty { padding: 5px !important; }
 .pm-on { white-space: nowrap; }
 .pm-sign { font-weight: 700; white-space: nowrap; }
 .pm-bar { position: relative; height: 4px; border-radius: 2px; background: #8883;
           margin-top: 3px; }
 .pm-bar i { position: absolute; top: 0; bottom: 0; border-radius: 2px; min-width: 3px; }
 .pm-bar u { position: absolute; top: -2px; bottom: -2px; width: 1px; background: #666; }
+.pm-table .pm-press { white-space: nowrap; }
+/* If a row has all words that it can have, they need more than one line. */
+#pm-pairs .pm-on, .pm-num .pm-unproved { white-space: normal; }
 .pm-press { cursor: pointer; text-decoration: underline dotted; opacity: .75; }
 .pm-press:hover { opacity: 1; }
 </style>"""

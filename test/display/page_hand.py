@@ -97,6 +97,22 @@ REACH = """i => {
     reach = Math.max(reach, Math.hypot(all[k], all[k + 1], all[k + 2]));
   return reach;
 }"""
+# Whether the first pair's row is seen without scrolling.
+FIRST_IS_SEEN = """() => {
+  const row = document.querySelector('#pm-pairs .pm-row');
+  for (let each = row; each; each = each.parentElement) each.scrollTop = 0;
+  const {left, top, height} = row.getBoundingClientRect();
+  return row.contains(document.elementFromPoint(left + 20, top + height / 2));
+}"""
+# Keeps the characters that were drawn for labels.
+GLYPHS_DRAWN = """(() => {
+  const draw = CanvasRenderingContext2D.prototype.fillText;
+  window.glyphs = new Set();
+  CanvasRenderingContext2D.prototype.fillText = function (text, ...given) {
+    window.glyphs.add(text);
+    return draw.call(this, text, ...given);
+  };
+})()"""
 ROWS = "all => all.map(r => [r.dataset.pair, [+r.dataset.lower, +r.dataset.upper, r.innerText]])"
 # Only rows of the list of pairs: a press on a row of conflicts or events looks back instead.
 CHOSEN = "#pm-pairs .pm-row.pm-chosen"
@@ -124,6 +140,7 @@ def opened(browser, address, width=1000, height=640):
     page.on("pageerror", lambda error: page.errors.append(str(error)))
     page.add_init_script(NO_NOTES)
     page.add_init_script(SELDOM)
+    page.add_init_script(GLYPHS_DRAWN)
     page.goto(address, timeout=1e3 * START_DEADLINE_S)
     return page
 
@@ -194,6 +211,14 @@ def select(page, found, option):
 
 def button(page, name):
     return page.get_by_role("button", name=name)
+
+
+def saved(page, name):
+    """Press a button of the tab Session that saves a file, and return its download."""
+    tab(page, "Session")
+    with page.expect_download(timeout=SAVE_MS) as download:
+        button(page, name).click()
+    return download.value
 
 
 def choose(page, part):

@@ -255,6 +255,7 @@ def test_the_panel_keeps_what_is_decided_about_the_highlighted_pair(alone):
     panel = alone.all._deciding
     alone.choice.pair = NAMES
     alone.tell(frame=frame(1.0))
+    assert words(panel._note).startswith("● &lt;i&gt;a - b 300.000 mm")
     panel._status.value, panel._comment.value = "accepted", "as drawn"
     for callback in panel._keep._impl.update_cb:
         callback(None)
@@ -267,6 +268,11 @@ def test_the_panel_keeps_what_is_decided_about_the_highlighted_pair(alone):
     alone.choice.pair = NAMES
     alone.tell(frame=frame(4.0))
     assert (panel._status.value, panel._comment.value) == ("accepted", "as drawn")
+
+
+def test_a_list_without_rows_says_why(alone):
+    assert "no conflict is known so far" in words(alone.all._conflict_list._list)
+    assert "no pair has changed its state yet" in words(alone.all._event_list._list)
 
 
 def test_what_is_told_of_a_moment_that_is_over_is_not_called_now(alone):

@@ -15,7 +15,6 @@ from page_hand import (
     DRAWN,
     ON_SCREEN,
     OPACITY,
-    SAVE_MS,
     SENT,
     button,
     choose,
@@ -26,6 +25,7 @@ from page_hand import (
     opened,
     press,
     row,
+    saved,
     select,
     tab,
 )
@@ -82,8 +82,11 @@ def test_the_buttons_for_the_gap_are_seen_at_once_and_the_margin_is_told(page, w
     """The window has 1000 by 640 pixels. Folders that are open do not push the buttons away."""
     highlighted(page)
     wait(lambda: "margin to warn: at least 100.000 mm" in row(page, PAIR)[2], "the margin")
-    for folder in ("Status of the pair", "Filter and group"):
-        page.get_by_text(folder, exact=True).dispatch_event("click")
+    page.get_by_text("Status of the pair", exact=True).dispatch_event("click")
+    number = page.locator("#pm-decided .pm-num")
+    wait(lambda: number.inner_text() == "200.000 mm", "the clearance to decide about")
+    wait(lambda: number.evaluate(SEEN), "it to be seen")
+    page.get_by_text("Filter and group", exact=True).dispatch_event("click")
     page.wait_for_selector("text=Group by")
     for name in ("Section through it", "Zoom to the gap", "Whole scene"):
         assert button(page, name).evaluate(SEEN), name
@@ -107,13 +110,6 @@ def decide(page, wait, status, comment):
     enter(page, "Comment", comment)
     button(page, "Save the status").click()
     return note
-
-
-def saved(page, name):
-    tab(page, "Session")
-    with page.expect_download(timeout=SAVE_MS) as download:
-        button(page, name).click()
-    return download.value
 
 
 def test_the_report_shows_each_conflict_at_its_smallest_clearance(page, near, browser, tmp_path):
@@ -236,7 +232,7 @@ def test_a_decision_is_in_the_file_and_on_the_page_of_the_next_display(
     told = "accepted at 200.000 mm: hält Abstand 间隙"
     wait(lambda: told in note.inner_text(), "the decision in the panel")
     wait(lambda: told in row(page, PAIR)[2], "the decision in the list")
-    wait(lambda: "kept in" in note.inner_text(), "that it is written")
+    wait(lambda: "kept in" in page.inner_text("#pm-kept"), "that it is written")
     kept = json.loads((scene_file.parent / "cell.conflicts.json").read_text(encoding="utf-8"))
     (entry,) = kept["conflicts"]
     assert (entry["a"], entry["b"], entry["status"]) == ("table", "ball", "accepted")

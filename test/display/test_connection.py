@@ -105,7 +105,7 @@ NEVER = float("-inf")
         (
             {"frame": None, "frame_at_s": NEVER, "health_at_s": NEVER, "present": False},
             ConnectionState.DISCONNECTED,
-            "waiting for the monitor",
+            "waiting for a monitor: start one, or compare",
         ),
         (
             {"frame_at_s": NOW - 9.0, "health_at_s": NOW - 8.0},

@@ -21,3 +21,20 @@ def test_all_that_was_asked_for_before_a_picture_is_in_it(browser):
     first, second = page.evaluate(ASKED)
     page.close()
     assert first == second
+
+
+def test_a_picture_that_took_long_does_not_put_off_the_next_for_as_long(browser):
+    """Otherwise, on a slow machine, each picture would be put off longer than the last."""
+    page = browser.new_page()
+    page.add_init_script(SELDOM)
+    page.goto("data:text/html,<p>")
+    waited_ms = page.evaluate("""() => new Promise(done => requestAnimationFrame(() => {
+      const end = performance.now() + 2000;
+      while (performance.now() < end);
+      setTimeout(() => {
+        const begun = performance.now();
+        requestAnimationFrame(() => done(performance.now() - begun));
+      }, 50);
+    }))""")
+    page.close()
+    assert waited_ms < 2500.0

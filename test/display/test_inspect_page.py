@@ -14,10 +14,10 @@ from page_hand import (
     CAMERA,
     CANVAS,
     DRAWN,
+    FIRST_IS_SEEN,
     LENGTH,
     ON_SCREEN,
     OPACITY,
-    SAVE_MS,
     TEXTS,
     address_of,
     button,
@@ -26,6 +26,7 @@ from page_hand import (
     lines_of,
     opened,
     row,
+    saved,
     select,
     tab,
     word,
@@ -139,7 +140,8 @@ def test_a_section_is_one_click(page, put, wait, eventually):
         assert page.evaluate(peg.IS_SHOWN, "/parts/1/cut")
         assert page.evaluate(peg.IS_SHOWN, "/parts/1/hatching")
         assert not page.evaluate(peg.IS_SHOWN, "/parts/1/mesh")
-        assert "a section is on" in page.inner_text("#pm-section")
+        assert "A section is on" in page.inner_text("#pm-section")
+        assert page.evaluate(FIRST_IS_SEEN)
         # The plane goes through both closest points, so they lie in the plane of the outline.
         ends = np.array(page.evaluate(peg.CORNERS, "/distances/points")).reshape(-1, 2, 3)[:, 0]
         lines = np.array(page.evaluate(peg.CORNERS, "/parts/1/outline")).reshape(-1, 3)
@@ -271,14 +273,14 @@ def test_a_geared_drag_moves_the_part_by_a_hundredth_and_snaps(put, page, wait):
     wait(lambda: gone() < 1e-6 < far, "the peg to be back")
     peg.pick(page, "Drag", "1 : 100")
     peg.dragged(page, 0, 60)
-    page.mouse.up()
     wait(lambda: gone() == pytest.approx(far / 100.0, rel=0.2), "a hundredth of it")
+    page.mouse.up()
     page.get_by_text("Snap drags to the steps").click()
     enter(page, "Step [mm]", "0.05")
     put(0, 0, 40)
     peg.dragged(page, 0, 60)
-    page.mouse.up()
     wait(lambda: peg.held(page)[0] > 0.0, "a drag")
+    page.mouse.up()
     steps = peg.held(page)[0] / 0.05
     assert steps == pytest.approx(round(steps), abs=1e-6)
     page.get_by_text("Snap drags to the steps").click()
@@ -329,10 +331,7 @@ def test_an_event_is_listed_and_a_press_goes_to_its_moment(put, page, wait, even
     wait(lambda: "STOP, 0.004 mm" in told.inner_text(), "its bounds")
     pixels = peg.picture_of_event(page, wait)
     assert len(np.unique(pixels.reshape(-1, 3), axis=0)) > 50
-    tab(page, "Session")
-    with page.expect_download(timeout=SAVE_MS) as download:
-        button(page, "Events as CSV").click()
-    lines = lines_of(download.value)
+    lines = lines_of(saved(page, "Events as CSV"))
     assert {(line["a"], line["b"]) for line in lines} == {("peg", "block")}
     # If the machine stands still for long, poses become stale in between.
     after = [line["after"] for line in lines]

@@ -9,6 +9,7 @@ import pytest
 pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
 pytest.importorskip("viser", reason="viser is not installed: pip install '.[display]'")
 
+import viser
 from raw_browser import CAMERA, RawBrowser
 
 from proximity_monitor.display.intake import BYTES, TEXT, Intake
@@ -50,6 +51,14 @@ def test_no_input_takes_what_it_could_not_show(page, raw, server):
     assert page.logged == []
     for each, value in zip(found, before, strict=True):
         np.testing.assert_array_equal(each.value, value, err_msg=str(each))
+
+
+def test_every_field_says_what_it_is_for_where_a_browser_shows_that(page, raw):
+    """A browser shows no hint for a button, so a button's label must say everything."""
+    fields = [each for each in raw.inputs() if getattr(each, "label", None) != "pressed"]
+    buttons = [each for each in fields if isinstance(each, viser.GuiButtonHandle)]
+    assert [each.label for each in buttons if each.hint] == []
+    assert [each.label for each in fields if each not in buttons and not each.hint] == []
 
 
 def test_no_browser_changes_what_is_not_a_value_or_another_s(page, raw, server):

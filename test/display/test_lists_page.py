@@ -133,6 +133,30 @@ def test_every_conflict_is_reached_and_its_status_too(long_session, wait):
     wait(lambda: len(seen(made, page, CONFLICTS, 1)) == ROWS, "all again")
 
 
+# By how many pixels the panel's content is wider than the window has room for.
+TOO_WIDE = """() => {
+  const panel = document.querySelector('#pm-pairs').closest('.mantine-ScrollArea-viewport');
+  return panel.getBoundingClientRect().left + panel.scrollWidth - innerWidth;
+}"""
+
+
+def test_a_matrix_of_many_parts_makes_the_panel_no_wider(long_session, wait):
+    made, page = long_session
+    every = tick(1000.0)
+    bound = np.full(COUNT, AWAY)
+    whole = replace(
+        every.pairs, names=tuple(("tool", name) for name in PARTNERS), lower=bound, upper=bound,
+        points=np.zeros((COUNT, 2, 3)), silent=("",) * COUNT,
+        **{name: np.zeros(COUNT, getattr(every.pairs, name).dtype)
+           for name in ("status", "level", "age_s", "stamp_s")},
+    )  # fmt: skip
+    made.tell(frame=replace(every, pairs=whole))
+    tab(page, "Clearances")
+    page.get_by_text("Clash matrix").click()
+    page.locator("#pm-matrix tr:nth-child(20)").wait_for()
+    assert page.evaluate(TOO_WIDE) <= 0.0
+
+
 def test_events_are_filtered_by_state_and_part(long_session, wait):
     made, page = long_session
     tab(page, "Clearances")
@@ -181,10 +205,15 @@ def test_the_past_is_marked_also_where_the_panel_is_scrolled_down(short_session,
 
 def test_what_is_not_proved_turns_grey_when_no_tick_comes(short_session, wait):
     made, page = short_session
-    now = frame(3.0, 0.01, STOP)
-    made.tell(frame=replace(now, pairs=replace(now.pairs, upper=np.array([0.03]))))
+    now, on = frame(3.0, -0.123, STOP), ("edge 1 0.3 0.3 0.4", "edge 123456 0.123 0.456 0.421")
+    made.choice.pair = now.pairs.names[0]
+    made.tell(
+        frame=replace(now, pairs=replace(now.pairs, upper=np.array([0.234]), features={0: on}))
+    )
     tab(page, "Clearances")
     told = page.locator("#pm-pairs .pm-unproved")
     wait(lambda: told.all_inner_texts() == ["not proved above stop"], "the doubt")
+    assert page.locator("#pm-pairs .pm-on").count() == 2
     colour = "each => getComputedStyle(each).color"
     wait(lambda: told.evaluate(colour) == "rgb(122, 122, 133)", "the page to turn grey")
+    assert page.evaluate(TOO_WIDE) <= 0.0  # although the row has all words that a row can have

@@ -10,11 +10,11 @@ from page_hand import (
     CAMERA,
     CHOSEN,
     DRAWN,
+    FIRST_IS_SEEN,
     HIDDEN,
     OPACITY,
     REACH,
     SAVE_MS,
-    SELDOM,
     TEXTS,
     ball_is_blue,
     button,
@@ -22,10 +22,12 @@ from page_hand import (
     decoded,
     drag,
     enter,
+    field,
     lines_of,
     listed,
     press,
     row,
+    saved,
     tab,
     word,
 )
@@ -33,13 +35,7 @@ from page_hand import (
 pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
 pytest.importorskip("viser", reason="viser is not installed: pip install '.[display]'")
 
-# Whether the first pair's row is seen without scrolling.
-FIRST_IS_SEEN = """() => {
-  const row = document.querySelector('#pm-pairs .pm-row');
-  for (let each = row; each; each = each.parentElement) each.scrollTop = 0;
-  const {left, top, height} = row.getBoundingClientRect();
-  return row.contains(document.elementFromPoint(left + 20, top + height / 2));
-}"""
+from proximity_monitor.display.labels import GLYPHS
 
 
 @pytest.fixture
@@ -188,6 +184,45 @@ def test_dragging_the_gizmo_moves_the_body_and_the_numbers_follow(
     eventually(followed)
 
 
+def test_pairs_of_the_chosen_part_have_labels_whatever_is_nearer(page, wait):
+    def named():
+        return any("225.000 mm\nball - die" in text for text in page.evaluate(TEXTS, "/distances"))
+
+    choose(page, "ball")
+    wait(named, "its label")
+    field(page, "Part").click()
+    page.get_by_role("option", name="(none)").click()
+    wait(lambda: not named(), "the label to go: three pairs are nearer")
+
+
+def test_no_label_waits_for_a_character_to_be_drawn(page, wait):
+    """A browser draws a character that is new to it in a later frame than the list's number."""
+    wanted = {each for each in GLYPHS if each != " "}
+    wait(lambda: wanted <= set(page.evaluate("() => [...window.glyphs]")), "all characters")
+
+
+def test_pairs_are_highlighted_and_seen_by_keys_alone(page, wait):
+    def chosen():
+        return page.eval_on_selector_all(CHOSEN, "all => all.map(row => row.dataset.pair)")
+
+    def press_key(key, pairs):
+        page.keyboard.press(key)
+        wait(lambda: chosen() == pairs, f"{pairs} after {key}")
+
+    first, second, *_ = listed(page)
+    page.evaluate("() => document.activeElement.blur()")  # not in the field for the search
+    for key, pair in (("n", first), ("n", second), ("p", first)):
+        press_key(key, [pair])
+    page.keyboard.press("x")
+    page.wait_for_selector("#pm-section")
+    page.keyboard.press("h")
+    wait(lambda: not page.locator("#pm-section").count(), "the whole scene")
+    press_key("0", [])
+    for gear in ("1 : 10", "1 : 100", "1 : 1000", "1 : 1"):
+        page.keyboard.press("f")
+        wait(lambda gear=gear: field(page, "Drag").input_value() == gear, "finer drags")
+
+
 def test_dragging_into_the_stop_zone_raises_the_alert(taken, eventually, wait):
     page = taken
     drag(page, (0.0, 0.0, -0.215))
@@ -316,13 +351,6 @@ COVERED = """() => [...document.querySelectorAll('button, input, svg')].filter(e
 }).map(each => each.outerHTML)"""
 
 
-def saved(page, name):
-    tab(page, "Session")
-    with page.expect_download(timeout=SAVE_MS) as download:
-        button(page, name).click()
-    return download.value
-
-
 def test_the_pairs_are_saved(page, eventually):
     def saved_right():
         file = saved(page, "Pairs as CSV")
@@ -370,20 +398,3 @@ def test_the_replay_plays_from_a_file(page, browser, tmp_path, wait):
         wait(lambda: any("mm" in text for text in alone.evaluate(TEXTS, "/distances")), "a label")
         assert alone.evaluate(COVERED) == []
         assert alone.evaluate("() => '/gizmo' in window.__viserSceneTree.getState()") is False
-
-
-def test_a_picture_that_took_long_does_not_put_off_the_next_for_as_long(browser):
-    """Otherwise, on a slow machine, each picture would be put off longer than the last."""
-    page = browser.new_page()
-    page.add_init_script(SELDOM)
-    page.goto("data:text/html,<p>")
-    waited_ms = page.evaluate("""() => new Promise(done => requestAnimationFrame(() => {
-      const end = performance.now() + 2000;
-      while (performance.now() < end);
-      setTimeout(() => {
-        const begun = performance.now();
-        requestAnimationFrame(() => done(performance.now() - begun));
-      }, 50);
-    }))""")
-    page.close()
-    assert waited_ms < 2500.0

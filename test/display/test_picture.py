@@ -3,6 +3,7 @@
 import threading
 import time
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from test_inspect import box
 
 from proximity_monitor.display import part_view, portraits
 from proximity_monitor.display.choice import Look
+from proximity_monitor.display.event_picture import EventPicture
 from proximity_monitor.display.inspection import SECTION, ZOOM
 from proximity_monitor.display.picking import kept, part_under
 from proximity_monitor.display.received import Part
@@ -54,15 +56,25 @@ def test_a_button_of_the_gap_does_nothing_for_a_pair_that_is_not_listed(page):
     page.choice.pair = ("a", "elsewhere")
     page.tell(frame=frame(1.0))
     for what in (ZOOM, SECTION):
-        inspect._do(what)
+        inspect.do(what)
         page.tell()
         assert inspect.plane() is None
         assert "a - elsewhere are not known" in words(inspect._note)
     page.choice.pair = None
     page.tell()
     assert words(inspect._note) == ""
-    inspect._do(SECTION)
+    inspect.do(SECTION)
     assert inspect.plane() is not None
+
+
+def test_a_picture_that_does_not_come_is_told_with_the_way_out():
+    def late(*_):
+        raise TimeoutError
+
+    shown = EventPicture(None, None, SimpleNamespace(take=late), None)
+    shown._tried = event = SimpleNamespace(sight=SimpleNamespace(frame=id), pair=NAMES)
+    shown._take(event, None)
+    assert "keep this tab in front, and try again" in shown._line(event)
 
 
 def test_a_click_from_behind_a_section_meets_nothing_that_is_cut_away(page):

@@ -51,7 +51,7 @@ class Gui:
     def add_html(self, content):
         return self.title
 
-    def add_dropdown(self, label, options):
+    def add_dropdown(self, label, options, hint):
         return self.scale
 
     def add_folder(self, label):
@@ -97,15 +97,15 @@ def test_limits_are_shared_where_warn_and_stop_are_the_same():
 def test_thresholds_are_those_of_the_pair_that_is_nearest_now_if_they_differ(shown):
     title, data = shown.show(made.frame(0.0, [0.3, 0.01]), made.frame(0.1, [0.3, 0.01]))
     assert title.startswith("smallest clearance of all pairs: ")
-    assert title.endswith("; thresholds of a - c, the nearest now")
+    assert title.endswith("; warn dashed, stop dotted, of a - c, the nearest now")
     assert data[1].tolist() == [10.0, 10.0]
     assert (data[4][0], data[5][0]) == (2.0, 1.0)
     title, data = shown.show(made.frame(0.2, [0.005, 0.01]))
-    assert title.endswith("; thresholds of a - b, the nearest now")
+    assert title.endswith(", of a - b, the nearest now")
     assert (data[4][0], data[5][0]) == (100.0, 20.0)
     shown.choice.pair = FAR
     title, data = shown.show()
-    assert title == "a - c: lower and upper bound [mm] over time [s]"
+    assert title == "a - c: lower and upper bound [mm] over time [s]; warn dashed, stop dotted"
     assert (data[4][0], data[5][0]) == (2.0, 1.0)
 
 
@@ -123,7 +123,7 @@ def test_the_nearest_pair_is_known_not_ignored_and_steady():
 
 def test_no_clearance_known_leaves_the_thresholds_of_the_scene(shown):
     title, data = shown.show(*(made.frame(t, [0.3, 0.01], level=STALE) for t in (0.0, 0.1)))
-    assert "; thresholds of the scene" in title
+    assert "dotted, of the scene" in title
     assert (data[4][0], data[5][0]) == (100.0, 20.0)
 
 
@@ -144,7 +144,10 @@ def test_no_positive_clearance_looks_like_contact(thresholds, low):
 def test_pairs_with_the_same_limits_share_one_curve(shown):
     frames = [made.frame(0.0, [0.3, 0.01]), made.frame(0.1, [0.005, 0.01])]
     title, data = shown.show(*frames, scene=ALIKE)
-    assert title == "smallest clearance of all pairs: lower and upper bound [mm] over time [s]"
+    assert title == (
+        "smallest clearance of all pairs: lower and upper bound [mm] over time [s];"
+        " warn dashed, stop dotted"
+    )
     assert data[1].tolist() == [10.0, 5.0]
     assert (data[4][0], data[5][0]) == (100.0, 20.0)
 

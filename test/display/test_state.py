@@ -144,6 +144,7 @@ def test_one_number_where_it_is_known_and_both_bounds_where_they_differ():
         "1.000 … 3.000 mm deep"
     )
     assert clearance(pairs([np.nan, 0], [np.nan, 0], status=UNKNOWN), 0, MM) == "no pose"
+    assert clearance(pairs([0.001, 0], [0.001, 0], level=STALE), 0, MM) == "last 1.000 mm"
 
 
 def test_every_state_has_a_glyph_and_a_word_of_its_own():

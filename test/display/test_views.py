@@ -8,7 +8,7 @@ pytest.importorskip("viser", reason="viser is not installed: pip install '.[disp
 from proximity_monitor.display import parts as parts_module
 from proximity_monitor.display.choice import Choice, Look
 from proximity_monitor.display.geometry import borders, smoothed
-from proximity_monitor.display.lines import pattern, shown_rows
+from proximity_monitor.display.lines import labelled, pattern, shown_rows
 from proximity_monitor.display.part_view import DIM, Coat
 from proximity_monitor.display.parts import Parts
 from proximity_monitor.display.received import Part
@@ -255,3 +255,16 @@ def test_the_nearest_are_drawn_all_that_are_not_clear_and_never_what_is_ignored(
     assert shown_rows(told, Choice(pair=("a", "5"))).tolist() == []
     # The body at the gizmo has all its lines.
     assert shown_rows(told, Choice(lines=1, body="2")).tolist() == [4, 2, 3]
+
+
+def test_labels_are_those_of_the_body_at_the_gizmo_then_the_nearest_and_all_that_is_not_clear():
+    names = tuple((str(i), "own" if i > 4 else "a") for i in range(12))
+    n, level = len(names), np.zeros(12, np.int8)
+    level[[4, 11]] = STOP
+    told = Pairs(
+        names, np.arange(n) / n, np.arange(n) / n, np.zeros((n, 2, 3)), np.zeros(n, np.int8),
+        level, np.zeros(n), np.zeros(n), ("",) * n,
+    )  # fmt: skip
+    rows = np.arange(n)
+    assert labelled(told, rows, None).tolist() == [0, 1, 2, 4, 11]
+    assert labelled(told, rows, "own").tolist() == [5, 6, 7, 8, 0, 1, 2, 4, 11]

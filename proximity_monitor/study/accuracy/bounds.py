@@ -69,18 +69,19 @@ def _tell(rows: Rows) -> str:
     lss, rss = (costs[volume] / costs["pss"] for volume in ("lss", "rss"))
     why = (
         f"One loop bounds {WIDTH} volumes at once and treats points and lines as rectangles "
-        "without extent, so a looser kind saves little or nothing a test, and has its larger "
-        "number of tests to pay for."
+        "without extent. So a test of a looser kind costs about as much, and a looser kind needs "
+        "more tests."
         if rss < 1.5
-        else "A looser kind saves time a test here, too, and pays with its larger number of tests."
+        else "Here, too, a looser kind takes less time for a test, but needs more tests."
     )
     return (
-        "Whether concentric spheres of 40,000 triangles are as near as half the gap between them "
-        "is answered by bound tests alone; the paper timed its table without triangles, too.\n\n"
-        f"{table(headings, lines)}\nIn the paper a test of two lss costs {CORE_COSTS['lss']} and "
-        f"of two rss {CORE_COSTS['rss']} times that of two pss; here {number(lss, 2)} and "
-        f"{number(rss, 2)} times. {why} An obb test, by Gilbert's algorithm, costs "
-        f"{number(costs['obb'] / costs['rss'], 2)} times an rss test.\n"
+        "The question is whether concentric spheres of 40,000 triangles are as near as half the "
+        "gap between them. Bound tests alone answer it; the paper's table, too, was timed without "
+        "triangles.\n\n"
+        f"{table(headings, lines)}\nIn the paper a test of two lss costs {CORE_COSTS['lss']} times "
+        f"as much as one of two pss, and of two rss {CORE_COSTS['rss']} times; here it costs "
+        f"{number(lss, 2)} and {number(rss, 2)} times as much. {why} An obb test, by Gilbert's "
+        f"algorithm, costs {number(costs['obb'] / costs['rss'], 2)} times an rss test.\n"
     )
 
 

@@ -144,7 +144,7 @@ def _draw(rows: Rows) -> Figure:
 def _tell(rows: Rows) -> str:
     text = [
         "The gap between the certified bounds, as a share of the distance, when a budget ends "
-        "the search (the 1997 paper's figure 11); medians of queries without a remembered pair. "
+        "the search (the 1997 paper's figure 11); medians of queries that remember nothing. "
         "The bounds of every query were checked against the exact answer.\n\n{budget}\n"
     ]
     headings = ["budget, µs"]
@@ -177,22 +177,23 @@ def _why(rows: Rows) -> str:
                 said.append(f"{2.0**slope:.2f} ({scene}, {order})")
     over = [r for r in rows if r["ended"] == 0.0]
     text = (
-        "The 1997 paper halves the error with each level of its breadth-first search, in equal "
-        "times, and a level costs the same there because few boxes stay active. "
+        "In the 1997 paper each level of a breadth-first search halves the error and takes the "
+        "same time, because few boxes stay active. "
     )
     if said:
         text += (
-            "Here, while a search is cut off, twice the budget leaves this share of the gap: "
-            f"{', '.join(said)}. "
+            "Here, as long as the budget cuts the search, doubling it leaves this share of the "
+            f"gap: {', '.join(said)}. "
         )
     if over:
         worst = max(over, key=lambda r: r["used_max_us"] - r["budget_us"])
         late = float(np.median([r["used_median_us"] - r["budget_us"] for r in over]))
         text += (
-            "A search looks at the clock between slices of its work, so it may overrun its budget "
-            "by one, and by what other programs take of the processor meanwhile: searches that "
-            f"were cut off took {number(late, 2)} µs more than their budget in the median, the "
-            f"longest {number(worst['used_max_us'] - worst['budget_us'], 2)} µs more "
+            "A search looks at the clock between slices of its work. So it may exceed its budget "
+            "by one slice, and by the time that other programs take of the processor. Searches "
+            f"that were cut took {number(abs(late), 2)} µs {'more' if late > 0.0 else 'less'} than "
+            "their budget in the median, and at most "
+            f"{number(worst['used_max_us'] - worst['budget_us'], 2)} µs more "
             f"({worst['order']}, {worst['scene']}, budget {number(worst['budget_us'], 1)} µs)."
         )
     return f"{text}\n\n{_smallest(rows)}\n"
@@ -219,14 +220,14 @@ def _smallest(rows: Rows) -> str:
         for order, kept, least in smallest_budgets(rows)
     ]
     if not said:
-        return "No search was cut, so this says nothing about the smallest budget that pays."
+        return "No search was cut, so nothing is known about the smallest budget that pays."
     return (
-        f"**The smallest budget that pays is {', '.join(said)}.** A call takes some microseconds "
-        "to begin and does one slice of work whatever its budget, so with less it takes as long "
-        "all the same and knows little more than the distance of the triangles that it began with. "
-        "Where there is less time a pair than that, ask about many pairs in one call of an "
-        "`Assembly`, with one budget for all, or ask `within` for a yes or no; or give a search "
-        "one budget after the other: the same `Pair` goes on where it stopped."
+        f"**The smallest budget that pays is {', '.join(said)}.** Whatever its budget, a call "
+        "takes some microseconds to begin and does one slice of work. So with a smaller budget it "
+        "takes as long, and knows little more than the distance of the triangles that it began "
+        "with. If there is less time for each pair, ask about many pairs in one call of an "
+        "`Assembly` with one budget for all, or ask `within` for a yes or no. Or give one search "
+        "several budgets: the same `Pair` goes on where it stopped."
     )
 
 

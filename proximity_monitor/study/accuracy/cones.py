@@ -134,14 +134,14 @@ def measure(job: Job) -> Rows:
 
 def _tell(rows: Rows) -> str:
     text = (
-        "Two smooth sheets of 16 bicubic patches each, whose nearest points lie inside of both. "
-        "Both are divided into quarters, level by level, and their distance is known beforehand: "
-        "so what is left of a level are the pairs of cells that a method cannot prune, whatever "
-        "the order of the search. *Spheres* around the control points bound the distance from "
-        "below; *cones* prune what has no opposite normals along a way from cell to cell, the "
-        "paper's signed cases 1 to 4; *directions* are the engine's own bound: the gap between "
-        "both sets of control points along the line of their centres, and along either's normal. "
-        f"A dash: more than {number(_MOST)} pairs.\n"
+        "Two smooth sheets of 16 bicubic patches each, whose nearest points lie inside both. Both "
+        "are divided into quarters, level by level. Their distance is known beforehand, so the "
+        "order of the search does not matter: the pairs of cells that are left of a level are "
+        "those that the method cannot prune. *Spheres* around the control points bound the "
+        "distance from below. *Cones* prune pairs of cells without opposite normals along any line "
+        "from cell to cell (the paper's signed cases 1 to 4). *Directions* are the engine's own "
+        "bound: the gap between both sets of control points along the line of their centres, and "
+        f"along the normal of either. A dash: more than {number(_MOST)} pairs.\n"
     )
     for scene in values(rows, "scene"):
         lines = []
@@ -163,15 +163,16 @@ def _tell(rows: Rows) -> str:
         with_, alone = (next(r["pairs"] for r in mine[k] if r["level"] == level) for k in (3, 2))
         ends.append(f"{scene} {number(with_ / alone, 2) if alone else '-'}")
     return text + (
-        "\nThe paper gives no numbers; it says that cones speed up the convergence, most of all in "
-        "degenerate cases. With spheres they do: where two domes face each other, cones leave the "
-        "few pairs about the nearest points, at every level. Directions prune most pairs of the "
-        "nearly parallel sheets, where spheres and cones together leave many times as many. Beside "
-        "directions cones bring little at first. At last they prune pairs that are farther than "
-        "the nearest by less than a thousandth: of those that directions leave, they leave at the "
-        f"last level {'; '.join(ends)}. They say nothing of edges and creases. The engine's "
-        "searches use directions, and prove by second derivatives that the cells about a nearest "
-        "point hold no nearer one: that ends what cones would thin out.\n"
+        "\nThe paper gives no numbers. It says that cones speed up the convergence, most of all in "
+        "degenerate cases. With spheres they do: where two domes face each other, cones leave only "
+        "the few pairs about the nearest points, at every level. Where the sheets are nearly "
+        "parallel, directions prune most pairs; spheres and cones together leave many times as "
+        "many. Added to directions, cones prune little at first. At the last level they prune "
+        "pairs that are farther than the nearest by less than a thousandth, and leave this share "
+        f"of the pairs that directions leave: {'; '.join(ends)}. They do not apply to edges and "
+        "creases. The engine's searches use directions. By second derivatives they also prove that "
+        "the cells about a nearest point hold no nearer one, so the pairs that cones would prune "
+        "need no further search.\n"
     )
 
 

@@ -95,9 +95,9 @@ def _draw(rows: Rows) -> Figure:
 def _tell(rows: Rows) -> str:
     text = [
         "Exact distance from points, and from another patch at random poses, to wavy B-spline "
-        "patches of uniform knots. As in the paper each net keeps its control points and gets one "
-        "degree after the other; its net of 10 x 10 points allows no degree above 9, so a second "
-        "one has 16 x 16. A net of n x n points has (n - degree)² polynomial pieces. "
+        "patches with uniform knots. As in the paper, each net keeps its control points and gets "
+        "one degree after the other. Its net of 10 x 10 points allows no degree above 9, so a "
+        "second net has 16 x 16. A net of n x n points has (n - degree)² polynomial pieces. "
         "Nothing is known beforehand.\n\n{degrees}\n"
     ]
     headings = ["net", "degree", "pieces"]
@@ -136,10 +136,10 @@ def _why(rows: Rows) -> str:
     rates = [f"{number(1e6 / cubic[q]['median_us'], 2)} Hz ({q})" for q in (TO_POINT, TO_PATCH)]
     return (
         f"{'; '.join(said)}. The paper plots its times without numbers. It says that convergence "
-        "is slower on higher degrees, as each piece has a larger hull and is harder to prune, and "
-        "that it remains stable. Stable it is here, too: the bounds of every query meet. "
-        "But a higher degree costs time for another reason: hulls of more control points take "
-        "longer to test and to divide, while fewer of them are tested, because the same net has "
+        "is slower for higher degrees, because each piece has a larger hull and is harder to "
+        "prune, and that it remains stable. Here it is stable, too: the bounds of every query "
+        "meet. But a higher degree costs time for another reason. Hulls of more control points "
+        "take longer to test and to divide. Fewer of them are tested, because the same net has "
         "fewer pieces and fewer waves. The paper's algorithms run at "
         f"{CLOSEST_POINT_HZ[0]} to {CLOSEST_POINT_HZ[1]} Hz for a point, to 1e-6 of the "
         f"parameters, and at {SURFACES_HZ[0]} to {SURFACES_HZ[1]} Hz for two surfaces, on a "

@@ -53,9 +53,9 @@ def _first_tolerance(rows: Rows) -> str:
         least = asked(min(worth)) if worth else "none"
         said.append(f"{least} in {scene}")
     return (
-        "**Ask for the exact distance, or allow a real error.** The smallest relative error that "
-        f"saves {percent(_WORTH)} of the exact query's time is {listed(said)}; a smaller one saves "
-        "less, because rounding is about all that it forgives."
+        "**Ask for the exact distance, or allow an error that is large enough to save time.** The "
+        f"smallest relative error that saves {percent(_WORTH)} of the exact query's time is "
+        f"{listed(said)}. A smaller one saves less."
     )
 
 
@@ -72,7 +72,7 @@ def _tenth(rows: Rows) -> str:
         )
     return (
         f"**`rel_err=0.1` is the tolerance to try first.** It takes {listed(said)}. No answer errs "
-        "by more than was asked for, and each says by its bounds how much it may err."
+        "by more than was asked for, and its bounds show by how much it may err."
     )
 
 
@@ -83,9 +83,10 @@ def _memory(rows: Rows) -> str:
         return ""
     new, kept = (only(mine, memory=memory)[0] for memory in ("none", "cached"))
     return (
-        "**Keep one `Pair` for each two bodies.** What it remembers of the last query makes the "
-        f"next one along a path take {number(kept['mean_us'] / new['mean_us'], 2)} of the time "
-        f"({kept['scene']}, exact), and changes no answer."
+        "**Keep one `Pair` for every two bodies.** It remembers the last query. That reduces the "
+        "time of the next one along a path to a share of "
+        f"{number(kept['mean_us'] / new['mean_us'], 2)} ({kept['scene']}, exact), and changes no "
+        "answer."
     )
 
 
@@ -102,11 +103,11 @@ def _budget(rows: Rows) -> str:
         ]
         if mine:
             gaps.append(f"{listed(mine)} in {scene}")
-    text = "**With a budget that cuts most searches, ask level by level.** "
+    text = "**If a budget cuts most searches, search level by level (`breadth_first`).** "
     if gaps:
         text += (
-            f"After {number(_LOOK_US, 1)} µs of a search that needs far longer, the bounds are "
-            f"apart by this share of the distance: {'; '.join(gaps)}. "
+            f"After {number(_LOOK_US, 1)} µs of a search that needs far longer, the gap between "
+            f"the bounds is this share of the distance: {'; '.join(gaps)}. "
         )
     if least:
         text += (
@@ -123,7 +124,8 @@ def _size(rows: Rows) -> str:
     first, last = (only(known, triangles=size)[0] for size in (min(sizes), max(sizes)))
     more = last["triangles"] / first["triangles"]
     return (
-        "**Do not thin out a mesh to save time.** "
-        f"{number(more)} times the triangles take {number(last['mean_us'] / first['mean_us'], 2)} "
-        "times as long, and what was thinned out is an error that no bound knows of."
+        "**Do not decimate a mesh to save time.** A query of "
+        f"{number(more)} times as many triangles takes only "
+        f"{number(last['mean_us'] / first['mean_us'], 2)} times as long, and no bound includes the "
+        "error of the decimation."
     )

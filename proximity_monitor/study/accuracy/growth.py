@@ -124,8 +124,9 @@ def _tell(rows: Rows) -> str:
         )
     said.append(_levels(only(rows, memory="none")))
     said.append(
-        "The 1997 paper finds a logarithm from 500 to 5,000 triangles, in 36 to 110 ms a query."
-        " The bunny that it uses is not ours to give: the lumpy torus stands for it."
+        "In the 1997 paper, too, the time grows with the logarithm, from 36 to 110 ms for 500 to "
+        "5,000 triangles. Its model is the bunny, which this repository does not include; the "
+        "lumpy torus takes its place."
     )
     return "\n".join([*text, " ".join(said) + "\n"])
 
@@ -139,8 +140,8 @@ def _levels(rows: Rows) -> str:
         added[levels[0] != levels[1]].append(more)
     new, same = (percent(float(np.mean(added[key]))) for key in (True, False))
     return (
-        f"Doublings past a power of {WIDTH}, where a full hierarchy gets another level, "
-        f"add {new} to the bound tests in the mean, the others {same}."
+        f"A doubling past a power of {WIDTH}, where a full hierarchy gets another level, adds "
+        f"{new} to the bound tests in the mean; any other adds {same}."
     )
 
 

@@ -152,10 +152,11 @@ def _times(rows: Rows) -> list[float]:
 def _tell(rows: Rows) -> str:
     text = [
         "Two bicubic B-spline nets: 10 x 10 control points at random poses, and flat ones of "
-        "30 x 30, one above the other and nearly parallel to it. Each call has no budget, does the "
-        "least that a call does, and the next one goes on there: that is an iteration. Each has "
-        "certified bounds, which were checked against the exact distance and against those before "
-        "them. Medians of all queries; the band holds the middle half of them.\n\n{iterations}\n"
+        "30 x 30, one above the other and nearly parallel to it. Each call has a budget of 0, so "
+        "it does one slice of work, and the next call goes on there: that is an iteration. Its "
+        "certified bounds were checked against the exact distance and against those of the "
+        "iteration before. Medians of all queries; the band holds the middle half of them.\n\n"
+        "{iterations}\n"
     ]
     headings = ["iteration", "bound tests", "gap", "ended", "upper bound exact", "its error, worst",
                 "time, median iteration = 1"]  # fmt: skip
@@ -195,15 +196,16 @@ def _why(rows: Rows) -> str:
             f"iterations of ten take {number(low, 2)} to {number(high, 2)} times the median's time."
         )
     return (
-        "The 1997 paper plots both without numbers, and says that the time of an iteration is "
-        "fairly constant, while the error of the distance is halved in each. The first holds here "
-        f"from the second iteration on; the first one begins the search. {' '.join(said)} "
+        "The 1997 paper plots both without numbers. It says that the time of an iteration is "
+        "fairly constant, and that each iteration halves the error of the distance. Here, too, the "
+        "time is fairly constant, except that of the first iteration, which begins the search. "
+        f"{' '.join(said)} "
         "So the error is not halved steadily. Where few parts of the surfaces are near each "
         "other, Newton's method finds the distance early, each division of the parts brings the "
         "lower bound much nearer, and a proof of convexity ends the search at once. Where the "
         "surfaces are nearly parallel, many pairs of pieces may be nearest, and they are bounded "
-        "before the nearest of them are divided: a search that is cut meanwhile knows little more "
-        "than after its second iteration, and the last ones bring almost all."
+        "before the nearest of them are divided. A search that is cut meanwhile knows little more "
+        "than after its second iteration; the last iterations bring almost everything."
     )
 
 

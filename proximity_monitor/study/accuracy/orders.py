@@ -113,11 +113,11 @@ def _draw(rows: Rows) -> Figure:
 
 def _tell(rows: Rows) -> str:
     text = [
-        "Search orders with and without what is kept of the last query (triangle caching, and "
-        "volumes that were too far), on rectangle swept spheres, exact distances; the ideal search "
-        "is given the distance and makes only the tests that nothing but the past can save. As in "
-        "the paper, `computation` asks at random poses and `verification` at successive ones; the "
-        "cave and the path are generated.\n\n{orders}\n"
+        "Exact distances with rectangle swept spheres, in several search orders, with and without "
+        "a cache. The cache holds the nearest triangles of the last query, and the volumes that "
+        "were too far. The ideal search is given the distance, so only knowledge of earlier "
+        "queries could spare it a test. As in the paper, `computation` asks at random poses and "
+        "`verification` at successive ones. The cave and the path are generated.\n\n{orders}\n"
     ]
     headings = ["search", "bound tests", "triangle tests", "median, µs", "mean, µs"]
     headings += ["tests / ideal", "time / ideal", "paper: N_bv, millions", "N_p, millions"]
@@ -165,17 +165,18 @@ def _why(rows: Rows) -> str:
         slower = times["priority", "cached"] / times["depth_first", "cached"]
         fastest = min((case for case in times if case != _IDEAL), key=times.__getitem__)
         said.append(
-            f"In {sequence} our depth-first search without cache makes {number(plain)} times the "
-            f"ideal bound tests, the paper's {number(theirs)} times; with cache ours makes "
-            f"{number(cached)} times. The queue alone spares {percent(spared)} of the tests that "
-            f"are not ideal; with cache, the priority search takes {number(slower, 2)} times the "
-            f"depth-first search's time. The fastest is {_name(*fastest)}."
+            f"In `{sequence}` our depth-first search without cache makes {number(plain)} times as "
+            f"many bound tests as the ideal search, the paper's {number(theirs)} times as many; "
+            f"with cache, ours makes {number(cached)} times as many. A priority queue alone spares "
+            f"{percent(spared)} of the tests that the ideal search does not make. With cache, the "
+            f"priority search takes {number(slower, 2)} times as long as the depth-first search. "
+            f"The fastest is {_name(*fastest)}."
         )
     said.append(
-        "The paper's depth-first search descends into the left child first, whichever is nearer; "
-        f"ours bounds {WIDTH} children together and takes the nearest first, so there is less left "
-        "for a queue or a cache to spare. A queue costs its upkeep with each pair, and pays where "
-        "it spares more than that: not where the cache has left next to nothing."
+        "The paper's depth-first search descends into the left child first, whichever is nearer. "
+        f"Ours bounds {WIDTH} children together and takes the nearest first, which leaves less for "
+        "a queue or a cache to spare. A queue costs time for each pair, and pays only if it spares "
+        "more than that."
     )
     return " ".join(said) + "\n"
 

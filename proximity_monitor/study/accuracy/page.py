@@ -14,21 +14,21 @@ from .style import DPI
 _HEAD = """\
 # What accuracy costs in time
 
-A distance may be exact, or as near as one asks for, or as good as a time budget allows. This page
-shows what each costs: how long queries take, how many tests of bounding volume pairs ("bound
-tests"; of surfaces also those of pairs of parts) and of triangle pairs they make, and how far
-their bounds are apart. One command wrote it, with all its numbers and figures. The findings come
-first; the tables are folded.
+A distance can be exact, within a tolerance, or as good as a time budget allows. This page shows
+what each choice costs: the time of a query, its numbers of tests, and how far apart its bounds are.
+A *bound test* compares two bounding volumes, or two parts of surfaces; a *triangle test* compares
+two triangles. One command wrote the page with all its numbers and figures. The findings come first.
+Click the title of a table to open it.
 
 The corresponding figures of the papers are named beside ours: "the 1999 paper" is Larsen,
 Gottschalk, Lin and Manocha, *Fast Proximity Queries with Swept Sphere Volumes*; "the 1997 paper"
 is Johnson and Cohen, *A Framework for Efficient Minimum Distance Computations*; "the 2000 paper"
 is Thomas, Turnbull, Ros and Cameron, *Computing Signed Distances between Free-Form Objects*.
 
-Times are processor time of a single query called from Python, on one thread. Whatever is compared
-took turns, block by block, in one process; each began its block with a query that is not timed, so
-that it does not pay for what ran before it. An opening of a node is {width} bound tests,
-whether or not all its lanes are filled.
+Times are processor times of single queries called from Python, on one thread. Variants that are
+compared took turns, block by block, in one process. Each block began with a query that is not
+timed, so that no variant pays for what another one displaced from the caches. Opening a node
+counts as {width} bound tests, whether or not the node has {width} children.
 """
 
 

@@ -104,12 +104,12 @@ def _tell_separated(rows: Rows) -> str:
         for volume in values(rows, "volume")
     )
     return (
-        "Exact distance of two spheres of 40,000 triangles and one metre radius at random "
-        "orientations: the paper's own scene, as far as it describes it. It plots pss, lss and "
-        "rss; its text gives no numbers.\n\n{separated}\n\n"
+        "Exact distance of two spheres of 40,000 triangles and 1 m radius at random orientations. "
+        "This is the paper's own scene, as far as the paper describes it. It plots pss, lss and "
+        "rss, and gives no numbers.\n\n{separated}\n\n"
         + _table(rows)
-        + "\nThe paper sees rss far ahead of the others, and every kind more expensive with "
-        "growing distance up to a ceiling, because the distance dilates the volumes and more of "
+        + "\nIn the paper, rss is far faster than the others. With growing distance every kind "
+        "takes more time, up to a limit, because the distance dilates the volumes, so that more of "
         f"them overlap (section 5.4). Here the looser kinds take {_times_rss(rows, small)} times "
         f"as long as rss at a gap of {small:g}, {_times_rss(rows, large)} times at {large:g}. "
         f"From the smallest to the largest gap the bound tests grow by these factors: {growth}.\n"
@@ -124,16 +124,17 @@ def _tell_concentric(rows: Rows) -> str:
         for volume in values(rows, "volume")
     )
     return (
-        "Distance with a relative error of 10 % of a sphere of 40,000 triangles in the middle of "
-        "another, one metre in radius. The paper does not say which error it allowed, and gives "
+        "Distance, with a relative error of 10 % allowed, between a sphere of 40,000 triangles and "
+        "a concentric one of 1 m radius. The paper does not say which error it allowed, and gives "
         "no numbers beside its plot.\n\n{concentric}\n\n"
         + _table(rows)
-        + "\nEverywhere the surfaces are nearly equally far apart, so the tolerance decides: "
-        "volumes that are thin against a tenth of the gap prune at once, and where a level of the "
-        "hierarchy just fails to, all of it is opened. The paper sees the work for rss grow least "
-        f"as the gap closes. Here the looser kinds take {_times_rss(rows, small)} times as long "
-        f"as rss at a gap of {small:g}, {_times_rss(rows, large)} times at {large:g}; from the "
-        f"largest to the smallest gap the bound tests grow by these factors: {shrink}.\n"
+        + "\nThe surfaces are about equally far apart everywhere, so the tolerance decides. "
+        "Volumes that are thin compared with a tenth of the gap are pruned at once. If a level of "
+        "the hierarchy just fails to be pruned, all of it is opened. In the paper, the work for "
+        f"rss grows least as the gap closes. Here the looser kinds take {_times_rss(rows, small)} "
+        f"times as long as rss at a gap of {small:g}, {_times_rss(rows, large)} times at "
+        f"{large:g}. From the largest to the smallest gap the bound tests grow by these factors: "
+        f"{shrink}.\n"
     )
 
 

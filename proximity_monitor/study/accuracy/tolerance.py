@@ -89,9 +89,9 @@ def _tell(rows: Rows) -> str:
     headings = ["error asked for", "median, µs", "mean, µs", "bound tests", "triangle tests"]
     headings += ["error made, median", "99 %", "worst"]
     text = [
-        "Medians; the band holds the middle half of the queries. The error made is that of the "
-        "upper bound, the distance of the witness points, against the exact answer to the same "
-        "question. Each query was checked: none errs by more than was asked for "
+        "Medians; the band holds the middle half of the queries. The error made is the relative "
+        "error of the upper bound, which is the distance of the closest points, against the exact "
+        "answer. Every query was checked: none errs by more than was asked for "
         f"(at most {100.0 * _worst(rows):.1f} % of it), and none contradicts the exact bounds.\n\n"
         "{tolerance}\n"
     ]
@@ -100,7 +100,7 @@ def _tell(rows: Rows) -> str:
         touch = float(mine[0]["touching"])
         title = f"{scene}, {mine[0]['queries']:,} queries"
         if touch:
-            title += f"; {percent(touch)} of all touch and are left out"
+            title += f"; the {percent(touch)} of all poses that touch are left out"
         text.append(folded(title, table(headings, [_cells(row) for row in mine])))
     text.append(_why(rows))
     return "\n".join(text)
@@ -142,14 +142,15 @@ def _why(rows: Rows) -> str:
             else "no error asked for saves a tenth of the time"
         )
         said.append(
-            f"In {scene} {start}; 10 % takes {number(1.0 / gain, 2)} of the exact query's mean "
-            f"time with {number(1.0 / fewer, 2)} of its bound tests, and errs by "
-            f"{_error(tenth['error_median'])} in the median; where 100 % is allowed, "
-            f"{percent(rough['error_median'])} are made in the median."
+            f"In {scene} {start}. An allowed error of 10 % takes {number(1.0 / gain, 2)} of the "
+            f"exact query's mean time and {number(1.0 / fewer, 2)} of its bound tests; its median "
+            f"error is {_error(tenth['error_median'])}. If 100 % is allowed, the median error is "
+            f"{percent(rough['error_median'])}."
         )
     return (
-        "A tolerance prunes every pair of volumes that could only win by less than that, so it "
-        "saves where many pairs are nearly as near as the nearest. " + " ".join(said) + "\n"
+        "With a tolerance, a search drops each pair of volumes that could improve the distance "
+        "only by less than the tolerance. That saves time where many pairs are nearly as near as "
+        "the nearest. " + " ".join(said) + "\n"
     )
 
 

@@ -90,9 +90,9 @@ def _draw_tests(rows: Rows) -> Figure:
 def _tell(rows: Rows) -> str:
     applications = _applications(rows)
     text = [
-        "Every kind of volume on the paper's four applications, each pair remembering its last "
-        "answer. The scenes are not the paper's, so the figures show multiples of what rectangle "
-        "swept spheres (`rss`) take; the tables have the numbers themselves.\n"
+        "Every kind of volume in the paper's four applications; each pair remembers its last "
+        "answer. The scenes are not the paper's, so the figures show multiples of the values for "
+        "rectangle swept spheres (`rss`). The tables have the values themselves.\n"
     ]
     text += [f"- {a.name}: {a.differs}." for a, _ in applications]
     text += ["\n{volumes_time}\n\n{volumes_tests}\n"]
@@ -128,8 +128,8 @@ def _table(rows: Rows, applications: list[tuple[Application, str]], question: st
             line += [number(their_tests[i], 2), number(their_times[i], 2)]
             lines.append(line)
     return (
-        "Ours are means a query; the paper's N are totals, and how many queries they are of is "
-        "known for two applications only.\n\n" + table(headings, lines, 2)
+        "Our numbers are means per query. The paper's N are totals; for two applications only it "
+        "gives the number of queries.\n\n" + table(headings, lines, 2)
     )
 
 
@@ -151,20 +151,20 @@ def _why(rows: Rows, applications: list[tuple[Application, str]]) -> str:
                 other.append(f"{application.name} ({ours} here, {theirs} there)")
         parts = []
         if same:
-            parts.append(f"the same kind is fastest as in the paper on {listed(same)}")
+            parts.append(f"the fastest kind is that of the paper for {listed(same)}")
         if other:
-            parts.append(f"another kind is fastest on {listed(other)}")
+            parts.append(f"another kind is the fastest for {listed(other)}")
         said.append(f"{where}: {'; '.join(parts)}.")
     tests, times = (
         {v: _geometric_mean(rows, applications, key, v) for v in VOLUMES}
         for key in ("bound_tests", "mean_us")
     )
     said.append(
-        f"Over all cells, as geometric means of multiples of rss, the kinds make this many bound "
-        f"tests: {_multiples(tests)}; and take this much time: {_multiples(times)}. Numbers of "
-        f"tests differ from the paper's for other reasons, too: a leaf holds two triangles "
-        f"where they are flat together, nodes have {WIDTH} children and an opening counts {WIDTH} "
-        f"tests, empty lanes included, where a binary tree counts two; a query that is decided at "
+        f"In the geometric mean over all cells, as multiples of rss, the kinds make this many "
+        f"bound tests: {_multiples(tests)}; and they take this much time: {_multiples(times)}. The "
+        f"numbers of tests differ from the paper's for other reasons, too. A leaf holds two "
+        f"triangles if they are flat together. A node has up to {WIDTH} children, and opening it "
+        f"always counts {WIDTH} tests; in a binary tree it counts two. A query that is decided at "
         f"the roots still counts {WIDTH}."
     )
     return " ".join(said) + "\n"
@@ -195,8 +195,8 @@ def _beside_pqp(rows: Rows) -> str:
             line = [number(x) for x in (tests, tests / width, triangles)]
             lines.append([f"{name}, {question}", *line])
     return (
-        "On the paper's own data the authors' program, PQP 1.3 (binary tree, two tests an "
-        f"opening), can be set beside ours ({WIDTH}):\n\n" + table(headings, lines)
+        "The authors' program, PQP 1.3, ran on the paper's own data. Its binary tree makes two "
+        f"tests per opening, ours {WIDTH}:\n\n" + table(headings, lines)
     )
 
 
