@@ -218,14 +218,39 @@ def plane(tree, region, motion, k, at, point, centre, half, spare, most, row, st
 @shared
 def _one_way(tree, region, motion, k, at, point, way, centre, half, spare, most, row, stack):
     """Do the same as `plane` with the normal opposite to `way`, the direction of growing depth."""
-    slack, side, axes = at.slack, point.side[k], at.axes
-    low = -point.away[k] if side < 0 else point.away[k]
+    low = -point.away[k] if point.side[k] < 0 else point.away[k]
     # x is about the point of the surface nearest to `point`.
-    x = along((point.place[0], point.place[1], point.place[2]), way, -low)
-    o, n = moved(motion, x), rotated(motion, scaled(way, -1.0))
-    yn = (-along_axis(axes, 0, way), -along_axis(axes, 1, way), -along_axis(axes, 2, way))
+    x, n = along((point.place[0], point.place[1], point.place[2]), way, -low), scaled(way, -1.0)
+    axes = at.axes
+    yn = (along_axis(axes, 0, n), along_axis(axes, 1, n), along_axis(axes, 2, n))
     yo = (along_axis(axes, 0, x), along_axis(axes, 1, x), along_axis(axes, 2, x))
     offset = sub((centre[0], centre[1], centre[2]), yo)
+    height, steps = cap_over(
+        tree, region, motion, k, at, point.side[k], x, n, -low, -low, yn, offset, half, spare, most,
+        stack,
+    )  # fmt: skip
+    if height == np.inf:
+        return False, steps
+    row[0], row[1], row[2] = yn
+    row[3] = height + PLANE * at.slack + at.swept[k] + dot(yn, yo)
+    return True, steps
+
+
+@shared
+def cap_over(
+    tree, region, motion, k, at, side, x, n, above, apart, yn, offset, half, spare, most, stack
+):  # fmt: skip
+    """Bound the height of solid k over a plane, beyond which a cell has no depth.
+
+    The plane goes through x, which is about on the surface, and n is its unit normal, outward; both
+    are in a's frame. A point with this `side` was tested before; it is `above` metres above the
+    plane and `apart` metres from x. In the search's frame, `yn` is n, and `offset` leads from x to
+    the cell's centre. The other arguments are as for `plane`.
+
+    Returns the height, metres, or infinity if it is not known; and the steps used.
+    """
+    slack = at.slack
+    o, n = moved(motion, x), rotated(motion, n)
     square = half[0] * half[0] + half[1] * half[1] + half[2] * half[2]
     height, away = dot(yn, offset), norm(offset)
     top = height + abs(yn[0]) * half[0] + abs(yn[1]) * half[1] + abs(yn[2]) * half[2]
@@ -239,21 +264,21 @@ def _one_way(tree, region, motion, k, at, point, way, centre, half, spare, most,
     radius = radius * (1.0 + 1e-12) + 2.0 * clear
     height, steps = cap_height(tree, o, n, radius, spare, most, slack, stack)
     if height == np.inf:
-        return False, steps
-    q = along(o, n, height + clear)
-    if region.inside == WHOLE and not (side < 0 and height + clear < -low < radius - clear):
+        return np.inf, steps
+    low, high = height + clear, radius - clear
+    if region.inside == WHOLE and not (side < 0 and low < above and apart < high):
+        # Any point of the cap tells its side. Near the surface it would take longest.
         gaps = on_stack(WIDTH, np.float32(0.0))
         steps += ray_steps(tree)
-        if winding_number(tree, q, slack, stack, gaps) != 0:
-            return False, steps
+        if winding_number(tree, along(o, n, 0.5 * (low + high)), slack, stack, gaps) != 0:
+            return np.inf, steps
     elif region.inside == HALF:
+        q = along(o, n, low)
         outside, cost = is_outside(tree, region, o, max(radius, far), q, slack, stack)
         steps += cost
         if not outside:
-            return False, steps
-    row[0], row[1], row[2] = yn
-    row[3] = height + PLANE * slack + at.swept[k] + dot(yn, yo)
-    return True, steps
+            return np.inf, steps
+    return height, steps
 
 
 @kernel

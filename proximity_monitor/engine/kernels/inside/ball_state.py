@@ -16,6 +16,9 @@ from ..base.tables import table
 ROWS = 6
 """Maximum number of rows that a cell inherits; `ball_cells.halve` has room for as many."""
 
+KEPT = 4
+"""Maximum number of rows that a piece of a surface inherits."""
+
 POINT = np.dtype(
     [
         ("place", np.float64, (3,)),  # metres, in a's frame
@@ -55,6 +58,8 @@ PIECE = np.dtype(
         ("part", np.int64),  # the triangle, in tree order; or the cell of a patch or curve
         ("lane", np.int64),  # the lane, if the piece is a volume; else WHOLE or PART (pieces.py)
         ("near", np.int64),  # a nearby element of the solid
+        ("rows", np.float64, (KEPT, 4)),  # n and h, in the surface's frame, see `piece_rows`
+        ("count", np.int64),  # number of rows
     ],
     align=True,
 )
@@ -92,6 +97,8 @@ SEARCH = np.dtype(
         ("points", np.int64),  # number of trial points
         ("cells", np.int64),  # number of cells examined
         ("parts", np.int64),  # number of cells of a surface's elements made
+        ("rows", np.float64, (KEPT, 4)),  # what the next pieces inherit, as in PIECE
+        ("count", np.int64),  # number of these rows
     ],
     align=True,
 )

@@ -1,11 +1,12 @@
 """Find a surface's deepest point in a solid: a best-first search.
 
 A heap keeps lanes of the surface's hierarchy and pieces of its elements by an upper bound of their
-depth. The first bound comes from the balls around both models. The next is the depth of the centre
-plus how far the lane or piece reaches from it. Another comes from a plane above which the solid has
-nothing (`ball_caps`); it is linear, so it is largest at a corner. The search examines the entry
-with the largest bound. Whatever stops the search, no point is deeper than the largest bound in the
-heap or of a pruned entry.
+depth. The first bound comes from the balls around both models. The next is the depth of a point in
+the middle plus how far the lane or piece reaches from it. Others come from planes above which the
+solid has nothing (`piece_planes`). They are linear, so they also bound the depths of all parts of
+the piece, which inherit them (`piece_rows`). The search examines the entry with the largest bound.
+Whatever stops the search, no point is deeper than the largest bound in the heap or of a pruned
+entry.
 """
 
 from __future__ import annotations
@@ -14,33 +15,31 @@ import numpy as np
 from numba import uint64
 
 from ..base.jit import kernel, shared
-from ..base.memory import on_stack
+from ..base.memory import on_stack, table_on_stack
 from ..base.motion import deviation, relative_motions
 from ..base.rounding import POINT_FLOOR, POINT_MARGIN, POSE_MARGIN
 from ..base.state import CUT, ENDED
 from ..base.tables import tree_at
 from ..base.trees import SWEPT
-from ..base.vectors import along, cross, dot, moved, sub, unit
+from ..base.vectors import dot, moved, sub
 from ..elements.errors import joints_err, points_err
 from ..tree.layout import (
     EMPTY,
-    HALF_U,
-    HALF_V,
-    RADIUS,
     STRIDE,
     U_X,
     V_X,
     WIDTH,
     read_vector,
 )
-from .ball_caps import plane
 from .ball_cells import pop, radius_limit
 from .ball_feet import write_foot, write_point, write_surface
-from .ball_frame import take_axes
 from .ball_point import certain_radius, continue_depth, place_of, possible_depth
-from .ball_state import CELL_CENTRE, FULL, IDLE, OF_PIECES, ball_at
+from .ball_state import CELL_CENTRE, CLIMB, FULL, IDLE, OF_PIECES, ball_at
 from .feet import facet_of
 from .nearest import point_triangle
+from .piece_climb import climb, end_step, forget_climbs, is_time_to_climb, offer
+from .piece_planes import bound_by_planes, set_axes
+from .piece_rows import HULL, ROWS
 from .pieces import (
     WHOLE,
     control_of,
@@ -50,6 +49,7 @@ from .pieces import (
     element_of,
     forget,
     has_room,
+    hull_of,
     is_within_trim,
     margin_of,
     memory_of,
@@ -64,11 +64,12 @@ from .solids import HALF
 from .tolerance import LOOSEST
 from .volumes import sphere_of
 
-_SPARE = 0.1
-"""As in ball.py."""
-
 _STEPS = 8
 """Cost of a piece besides its descents, in steps."""
+
+_WORTH = 0.25
+"""Share of the way to the limit by which a piece's bound must fall, or one of its corners is looked
+at as well."""
 
 
 SOLID = SURFACE = None
@@ -85,8 +86,8 @@ def begin_deepest(models, memory, pose, pose_surface, rel_err, abs_err):
     tree, _, region = solid_at(SOLID, models[0])
     surface, _ = tree_at(SURFACE, models[1])
     around = region_at(models[1])
-    state = ball_at(OF_PIECES, memory)
-    forget(surface, memory_of(surface, memory), state.at[0])
+    state, parts = ball_at(OF_PIECES, memory), memory_of(surface, memory)
+    forget(surface, parts, state.at[0])
     at, best = state.at[0], state.best[0]
     back = on_stack(12, 0.0)
     relative_motions(pose, pose_surface, state.motions[0], back)
@@ -101,10 +102,11 @@ def begin_deepest(models, memory, pose, pose_surface, rel_err, abs_err):
     at.rel_err, at.abs_err = min(rel_err, LOOSEST), min(abs_err, size)
     at.swept[0], at.swept[1] = tree.scale[SWEPT], np.inf
     at.radius, at.dropped = 0.0, 0.0
-    at.size = at.climbs = at.seed = at.seeds = at.points = at.cells = 0
+    at.size = at.climbs = at.seed = at.seeds = at.points = at.cells = at.count = 0
     for i in range(12):  # the best point is in the surface's own frame
         state.motions[1, i] = 1.0 if i == 0 or i == 4 or i == 8 else 0.0
     at.task, at.turn, at.height = IDLE, 0, 0
+    forget_climbs(state)
     best.near[0] = 0
     best.depth[1], best.side[1] = np.inf, 1
     state.trial[0].depth[1], state.trial[0].side[1] = np.inf, 1
@@ -124,23 +126,24 @@ def begin_deepest(models, memory, pose, pose_surface, rel_err, abs_err):
         deepest = 2.0 * ball[3]
     for lane in range(WIDTH):
         if surface.children[lane] != EMPTY:
-            push_lane(state, lane, 0, deepest + at.swept[0] + at.slack)
+            push_lane(surface, parts, state, lane, 0, deepest + at.swept[0] + at.slack)
     at.dropped = max(at.dropped, 0.0)
 
 
 @kernel
-def _keep(surface, parts, state):
-    """Keep the trial point, a point of the surface, if it is the deepest so far."""
+def _keep(surface, element, state):
+    """Keep the trial point, which is on an element, if it is the deepest so far."""
     at, trial, best = state.at[0], state.trial[0], state.best[0]
     depth = certain_radius(trial, at.swept, at.slack)
     if depth > max(at.radius, at.joints):
         at.radius = depth
         best.near[0] = trial.near[0]
         best.spot[0, 0], best.spot[0, 1] = trial.spot[0, 0], trial.spot[0, 1]
-        best.near[1] = element_of(surface, parts, state.cells[state.order[0]])
+        best.near[1] = element
         for i in range(3):
             best.place[i], best.weights[i] = trial.place[i], trial.weights[i]
             best.way[0, i] = trial.way[0, i]
+    return depth
 
 
 @kernel
@@ -148,7 +151,8 @@ def _begin(surface, parts, state):
     """Make the next point of the piece with the largest bound the trial point; keep it in the heap.
 
     For a whole element, the corners come first, because they may be its deepest points; the middle
-    comes last, at turn 0. A part of an element has its middle alone, a lane its centre.
+    comes last, at turn 0. A part of an element has its middle alone, a lane its centre. If planes
+    bound a piece hardly better than before, another corner follows, at a turn below 0.
     """
     at, trial = state.at[0], state.trial[0]
     piece = state.cells[state.order[0]]
@@ -162,71 +166,38 @@ def _begin(surface, parts, state):
         place, _ = sphere_of(surface, piece.lane)
         trial.place[0], trial.place[1], trial.place[2] = place
         return
-    place, weights = spot_of(surface, parts, piece, at.turn)
+    place, weights = spot_of(surface, parts, piece, abs(at.turn))
     for i in range(3):
         trial.place[i], trial.weights[i] = place[i], weights[i]
 
 
 @kernel
-def _bound(tree, region, state, centre, half, row):
-    """Write to `row` a bound of the cuboid (centre, half) by a plane; return (found, steps).
-
-    The cuboid is in the search's frame.
-    """
-    at, trial = state.at[0], state.trial[0]
-    tolerated = radius_limit(at) - at.radius
-    most = max(radius_limit(at) - trial.depth[0], 2.0 * _SPARE * tolerated)
-    return plane(
-        tree, region, state.motions[0], 0, at, trial, centre, half, _SPARE * tolerated, most, row,
-        state.stack,
-    )  # fmt: skip
-
-
-@kernel
-def _axes_in(axes, u, v):
-    """Set the first axis along u, and the second in the plane of u and v if they span one."""
-    take_axes(axes, u)
-    first = (axes[0, 0], axes[0, 1], axes[0, 2])
-    second = unit(along(v, first, -dot(v, first)))
-    second = unit(along(second, first, -dot(second, first)))
-    if dot(second, second) > 0.5:
-        third = cross(first, second)
-        for i in range(3):
-            axes[1, i], axes[2, i] = second[i], third[i]
-
-
-@kernel
-def _into_axes(axes, v, out):
-    for i in range(3):
-        out[i] = axes[i, 0] * v[0] + axes[i, 1] * v[1] + axes[i, 2] * v[2]
+def _highest_corner(surface, parts, state, piece):
+    """Return the corner of a piece where the smallest of the rows left by it is largest."""
+    at = state.at[0]
+    found, most = np.int64(0), -np.inf
+    for corner in range(1, corners_of(surface, parts, piece) + 1):
+        place, _ = spot_of(surface, parts, piece, corner)
+        least = np.inf
+        for i in range(at.count):
+            row = at.rows[i]
+            least = min(least, row[3] - dot((row[0], row[1], row[2]), place))
+        if least > most:
+            found, most = corner, least
+    return found
 
 
 @shared
-def _end_lane(tree, region, surface, parts, state, lane, bound):
+def _end_lane(tree, region, surface, parts, state, piece, bound):
     """Bound a lane, whose centre is the trial point, and push its children onto the heap."""
-    at, trial = state.at[0], state.trial[0]
-    centre, radius = sphere_of(surface, lane)
+    at, trial, lane = state.at[0], state.trial[0], piece.lane
+    _, radius = sphere_of(surface, lane)
     steps = 0
     bound = min(bound, possible_depth(trial, 0, region.inside, at.swept[0], radius, at.slack))
     if bound > radius_limit(at):
         base = uint64(lane // WIDTH * STRIDE + lane % WIDTH)
-        axes, scale = at.axes, surface.scale[0]
         u, v = read_vector(surface.nodes, base + U_X), read_vector(surface.nodes, base + V_X)
-        _axes_in(axes, u, v)
-        around, half, row = on_stack(3, 0.0), on_stack(3, 0.0), on_stack(4, 0.0)
-        _into_axes(axes, centre, around)
-        thick = np.float64(surface.nodes[base + RADIUS])
-        extra = (1e-4 * radius / scale) + thick
-        half[0] = (np.float64(surface.nodes[base + HALF_U]) + extra) * scale
-        half[1] = (np.float64(surface.nodes[base + HALF_V]) + extra) * scale
-        half[2] = extra * scale
-        found, cost = _bound(tree, region, state, around, half, row)
-        steps += cost
-        if found:
-            high = row[3] + at.slack
-            for i in range(3):
-                high += abs(row[i]) * half[i] - row[i] * around[i]
-            bound = min(bound, high)
+        bound, steps = _by_planes(tree, region, surface, parts, state, piece, u, v, bound)
     if bound <= radius_limit(at):
         at.dropped = max(at.dropped, bound)
         return steps
@@ -234,10 +205,25 @@ def _end_lane(tree, region, surface, parts, state, lane, bound):
     if child >= 0:
         for below in range(child * WIDTH, (child + 1) * WIDTH):
             if surface.children[below] != EMPTY:
-                push_lane(state, below, near, bound)
+                push_lane(surface, parts, state, below, near, bound)
     else:
         push_elements(surface, parts, state, child, near, bound)
     return steps
+
+
+@kernel
+def _by_planes(tree, region, surface, parts, state, piece, u, v, bound):
+    """Bound a piece, which is about parallel to u and v, by planes; return bound and steps."""
+    at = state.at[0]
+    rows, hull = table_on_stack(ROWS, 4, 0.0), table_on_stack(HULL, 3, 0.0)
+    points, margin = hull_of(surface, parts, piece, hull)
+    for i in range(piece.count):
+        for j in range(4):
+            rows[i, j] = piece.rows[i, j]
+    spans = set_axes(at.axes, u, v)
+    return bound_by_planes(
+        tree, region, state, rows, piece.count, hull, points, margin, spans, bound
+    )
 
 
 @kernel
@@ -258,12 +244,16 @@ def _beside_facet(tree, surface, parts, state, piece, margin):
 
 
 @shared
-def _end_piece(tree, region, surface, parts, state, piece, bound):
-    """Bound a piece, whose middle is the trial point, and push its parts onto the heap."""
-    at, trial = state.at[0], state.trial[0]
+def _end_piece(tree, region, surface, parts, state):
+    """Bound a piece, in which the trial point is, and push its parts onto the heap.
+
+    Returns the steps, and a corner to look at before, or 0.
+    """
+    at, trial, bound = state.at[0], state.trial[0], state.bounds[0]
+    piece = state.cells[state.order[0]]
     middle, count = place_of(trial), count_of(surface, parts, piece)
     margin = margin_of(surface, parts, piece)
-    steps, square = 0, 0.0
+    before, steps, square = bound, 0, 0.0
     for i in range(count):
         way = sub(control_of(surface, parts, piece, i), middle)
         square = max(square, dot(way, way))
@@ -273,35 +263,24 @@ def _end_piece(tree, region, surface, parts, state, piece, bound):
     if bound > limit:
         bound = min(bound, _beside_facet(tree, surface, parts, state, piece, margin))
     if bound > limit:
-        axes = at.axes
         u, v = span_of(surface, parts, piece)
-        _axes_in(axes, u, v)
-        around, half, row = on_stack(3, 0.0), on_stack(3, 0.0), on_stack(4, 0.0)
-        corner = on_stack(3, 0.0)
-        _into_axes(axes, middle, around)
-        half[0] = half[1] = half[2] = 0.0
-        for i in range(count):
-            _into_axes(axes, control_of(surface, parts, piece, i), corner)
-            for j in range(3):
-                half[j] = max(half[j], abs(corner[j] - around[j]) + at.slack + margin)
-        found, cost = _bound(tree, region, state, around, half, row)
-        steps += cost
-        if found:
-            high = -np.inf
-            for i in range(count):
-                _into_axes(axes, control_of(surface, parts, piece, i), corner)
-                value = row[3] + at.slack
-                for j in range(3):
-                    value -= row[j] * corner[j]
-                high = max(high, value)
-            bound = min(bound, high + margin)
+        bound, steps = _by_planes(tree, region, surface, parts, state, piece, u, v, bound)
+    alike = before - bound < _WORTH * (before - limit)
+    if bound > limit and alike and at.turn == 0 and at.count > 0 and radius > at.slack:
+        # About the same planes again: a corner may lie beyond the edge of a face.
+        piece.count = at.count
+        for i in range(at.count):
+            for j in range(4):
+                piece.rows[i, j] = at.rows[i, j]
+        return steps, _highest_corner(surface, parts, state, piece)
+    piece = state.cells[pop(state)]
     if (
         bound <= limit
         or radius <= at.slack
         or not divide(surface, parts, state, piece, trial.near[0], bound)
     ):
         at.dropped = max(at.dropped, bound)
-    return steps
+    return steps, np.int64(0)
 
 
 def search_deepest(models, memory, steps):
@@ -310,6 +289,7 @@ def search_deepest(models, memory, steps):
     surface, _ = tree_at(SURFACE, models[1])
     state, parts = ball_at(OF_PIECES, memory), memory_of(surface, memory)
     at = state.at[0]
+    trial = state.trial[0]
     while True:
         if steps <= 0:
             return CUT
@@ -318,29 +298,46 @@ def search_deepest(models, memory, steps):
                 return ENDED
             if at.size + WIDTH >= state.order.shape[0] or not has_room(surface, parts, at):
                 return FULL
-            _begin(surface, parts, state)
+            if not (is_time_to_climb(at) and climb(surface, state)):
+                _begin(surface, parts, state)
         steps = continue_depth(
-            tree, region, state.motions[0], 0, at, state.trial[0], state.stack, state.reached,
-            steps,
-        )  # fmt: skip
+            tree, region, state.motions[0], 0, at, trial, state.stack, state.reached, steps
+        )
         if at.height > 0:
             return CUT
+        if at.task == CLIMB:
+            element = state.probe[0].near[1]
+            within = is_within_trim(surface, element, trial.weights)
+            if within:
+                _keep(surface, element, state)
+            end_step(surface, state, within)
+            if not climb(surface, state):
+                at.task = IDLE
+            continue
         piece = state.cells[state.order[0]]
-        if piece.lane < 0 and is_within_trim(surface, parts, piece, state.trial[0].weights):
-            _keep(surface, parts, state)
+        if piece.lane < 0:
+            element = element_of(surface, parts, piece)
+            if is_within_trim(surface, element, trial.weights):
+                depth = _keep(surface, element, state)
+                offer(surface, element, state, depth)
         if at.turn > 0:
             at.turn -= 1
             _begin(surface, parts, state)
             continue
+        steps -= _STEPS
+        if piece.lane >= 0:
+            bound = state.bounds[0]
+            piece = state.cells[pop(state)]
+            steps -= _end_lane(tree, region, surface, parts, state, piece, bound)
+        else:
+            used, corner = _end_piece(tree, region, surface, parts, state)
+            steps -= used
+            if corner > 0:
+                at.turn = -corner
+                _begin(surface, parts, state)
+                continue
         at.task = IDLE
         at.cells += 1
-        steps -= _STEPS
-        bound = state.bounds[0]
-        piece = state.cells[pop(state)]
-        if piece.lane >= 0:
-            steps -= _end_lane(tree, region, surface, parts, state, piece.lane, bound)
-        else:
-            steps -= _end_piece(tree, region, surface, parts, state, piece, bound)
 
 
 def write_deepest(models, memory, solid, pose, pose_surface, row):

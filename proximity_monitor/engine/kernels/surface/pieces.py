@@ -11,7 +11,6 @@ from ..base.jit import implements, inlined, kernel
 from ..base.state import CELL
 from ..base.trees import NONE, SurfaceTree
 from ..inside import pieces
-from ..inside.ball_cells import push
 from ..inside.ball_state import MORE
 from ..tree.layout import first_of
 from .cells import directions_of, divide_cell, net_of, root_cell
@@ -50,11 +49,10 @@ def _has_room(surface, parts, at):
 
 
 @kernel
-def _push(state, part, kind, near, bound):
-    at = state.at[0]
-    piece = state.cells[state.order[at.size]]
+def _push(surface, parts, state, part, kind, near, bound):
+    piece = state.cells[state.order[state.at[0].size]]
     piece.lane, piece.near, piece.part = kind, near, part
-    push(state, at.size, bound)
+    pieces.push_piece(surface, parts, state, bound)
 
 
 @implements(pieces.push_elements, SurfaceTree)
@@ -64,7 +62,7 @@ def _push_element(surface, parts, state, leaf, near, bound):
     cell, at.parts = root_cell(
         surface, first_of(leaf), parts.cells, parts.nets, parts.roots, at.parts
     )
-    _push(state, cell, pieces.WHOLE, near, bound)
+    _push(surface, parts, state, cell, pieces.WHOLE, near, bound)
 
 
 @implements(pieces.divide, SurfaceTree)
@@ -78,7 +76,7 @@ def _divide(surface, parts, state, piece, near, bound):
         return False
     for k in range(count):
         if parts.cells[first + k].side != OUTSIDE:
-            _push(state, first + k, pieces.PART, near, bound)
+            _push(surface, parts, state, first + k, pieces.PART, near, bound)
     return True
 
 
@@ -122,14 +120,30 @@ def _spot(surface, parts, piece, corner):
     cell = parts.cells[piece.part]
     u, v = 0.5 * (cell.low[0] + cell.high[0]), 0.5 * (cell.low[1] + cell.high[1])
     if corner > 0:
-        u, v = float((corner - 1) % 2), float((corner - 1) // 2)
+        u = cell.low[0] if (corner - 1) % 2 == 0 else cell.high[0]
+        v = cell.low[1] if (corner - 1) // 2 == 0 else cell.high[1]
     return point_on(surface, cell.element, u, v), (u, v, 0.0)
 
 
 @implements(pieces.is_within_trim, SurfaceTree)
 @inlined
-def _is_within_trim(surface, parts, piece, weights):
-    return is_within_trim(surface, parts.cells[piece.part].element, vector(weights))
+def _is_within_trim(surface, element, weights):
+    return is_within_trim(surface, element, vector(weights))
+
+
+@implements(pieces.weights_on, SurfaceTree)
+@inlined
+def _weights(surface, element, point):
+    return point.weights[0], point.weights[1]
+
+
+@implements(pieces.move_on, SurfaceTree)
+@kernel
+def _move(surface, element, u, v):
+    u, v = min(max(u, 0.0), 1.0), min(max(v, 0.0), 1.0)
+    if surface.pieces[element].degree_v == 0:
+        v = 0.0
+    return point_on(surface, element, u, v), u, v
 
 
 @implements(pieces.element_of, SurfaceTree)

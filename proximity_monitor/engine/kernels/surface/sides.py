@@ -11,7 +11,7 @@ import numpy as np
 from ..base.jit import implements, inlined, kernel
 from ..base.lanes import least_along
 from ..base.trees import NONE, SurfaceTree
-from ..base.vectors import cross
+from ..base.vectors import add, cross, dot, norm, sub
 from .cells import MOST_SPLITS, directions_of, divide_cell, length_in, net_of, root_cell
 from .clip import clipped_least
 from .edges import rectangle_of
@@ -91,13 +91,60 @@ implements(whole, SurfaceTree)(root_cell)
 implements(divide_side, SurfaceTree)(divide_cell)
 
 
+@inlined
+def _control(tree, piece, i, j):
+    """Return a control point of a whole piece, metres."""
+    at, room = piece.net + i * (piece.degree_v + 1) + j, piece.room
+    inverse = 1.0 / tree.nets[at + 3 * room]
+    x, y, z = tree.nets[at], tree.nets[at + room], tree.nets[at + 2 * room]
+    return (x * inverse, y * inverse, z * inverse)
+
+
+@kernel
+def _is_at_pole(tree, piece, cell, in_u, most):
+    """Tell if a cell lies so close to a pole that its length in u (or v) hardly matters.
+
+    All along the end of a patch that is a single point, that parameter stands for the same point.
+    Near this end the cell may be longer than `most`, as long as it extends no farther in space than
+    a cell of that length does, on average, on the rest of its piece.
+    """
+    p, q = np.int64(piece.degree_u), np.int64(piece.degree_v)
+    across, count, axis = (q, p, 0) if in_u else (p, q, 1)
+    pole = touches = False
+    for end in range(0, across + 1, across):
+        first = _control(tree, piece, 0, end) if in_u else _control(tree, piece, end, 0)
+        square = 0.0
+        for k in range(1, count + 1):
+            other = _control(tree, piece, k, end) if in_u else _control(tree, piece, end, k)
+            way = sub(other, first)
+            square = max(square, dot(way, way))
+        if square <= cell.margin * cell.margin:
+            pole = True
+            here = cell.low[1 - axis] if end == 0 else 1.0 - cell.high[1 - axis]
+            touches = touches or here == 0.0
+    if not pole:
+        return False
+    a, b = _control(tree, piece, 0, 0), _control(tree, piece, 0, q)
+    c, d = _control(tree, piece, p, 0), _control(tree, piece, p, q)
+    whole = add(sub(c, a), sub(d, b)) if in_u else add(sub(b, a), sub(d, c))
+    extent = norm(vector(cell.along_u if in_u else cell.along_v))
+    if touches:  # it will be shorter once it is short across
+        extent *= min(most / length_in(piece, cell, 1 - axis), 1.0)
+    return extent <= 0.25 * most / (piece.high[axis] - piece.low[axis]) * norm(whole)
+
+
 @implements(is_long_in, SurfaceTree)
 @kernel
 def _is_long_in(tree, cells, index, most):
     cell = cells[index]
     piece = tree.pieces[cell.element]
     if piece.edge == NONE:
-        return length_in(piece, cell, 0) > most, length_in(piece, cell, 1) > most
+        in_u, in_v = length_in(piece, cell, 0) > most, length_in(piece, cell, 1) > most
+        if in_u and piece.degree_v > 0:
+            in_u = not _is_at_pole(tree, piece, cell, True, most)
+        if in_v:
+            in_v = not _is_at_pole(tree, piece, cell, False, most)
+        return in_u, in_v
     low_u, low_v, high_u, high_v = rectangle_of(tree, piece, cell.low[0], cell.high[0])
     return high_u - low_u > most or high_v - low_v > most, False
 
