@@ -52,7 +52,7 @@ _PAIRS, _CELLS, _FEWEST, _BYTES = 1 << 15, 1 << 12, 1 << 8, 1 << 25
 their control points, which decide between the two. The system provides only the pages in use."""
 
 
-_RINGS, _ARCS = 1 << 15, 1 << 14
+_RINGS, _ARCS = 1 << 15, 1 << 12
 """Room for pairs of rings, and for arcs of either model besides those of its tree."""
 
 
