@@ -17,9 +17,15 @@ from ..base.jit import inlined, kernel
 from ..base.memory import on_stack
 from ..base.tables import has_profile, revolution_of
 from ..base.trees import NONE
-from ..base.vectors import moved, norm, sub
+from ..base.vectors import along, moved, norm, sub
 from ..elements.primitives import corners
-from ..revolution.closest import enough, halves_beside, nearest_on_arc
+from ..revolution.closest import (
+    enough,
+    halves_beside,
+    nearer_on_piece,
+    nearest_on_arc,
+    nearest_under,
+)
 from ..revolution.meridian import MARGIN
 from ..revolution.straight import (
     CUT,
@@ -107,7 +113,7 @@ def go_beside(surface, mesh, state):
         _begin(mesh, progress, pairs)
     top, room, looks = progress.beside, LOOK * progress.steps, 0
     most = _LOOKS * len(mesh.triangles) - progress.bound_tests
-    held, seeks = True, True
+    held = True
     while top > 0 and held and looks < room:
         if progress.distance - progress.slack <= progress.stop:
             held = False  # the others may be nearer still
@@ -124,25 +130,27 @@ def go_beside(surface, mesh, state):
             looks += more
             continue
         if begins:
-            foot, seeks = foot_on_axis(p, h), True
+            foot = foot_on_axis(p, h)
             if t == progress.element_b:
                 weights = vector(progress.weights_b)
                 s = weights[2] if along_w else weights[1]
-                looks += _go_along(surface, mesh, state, solid, t, triangle, along_w, s, room)[1]
+                looks += _go_along(surface, mesh, state, solid, t, triangle, along_w, s, room)
             put(pairs, top - 1, -np.inf, 0, t, 0.0, 0.0, 0.0, foot)
             put(pairs, top, -np.inf, 0, t, 0.0, 0.0, foot, 1.0)
             top += 1
             continue
         limit = progress.limit + 2.0 * progress.slack
-        found, s, top, more = segment_beside(
-            solid, p, h, limit, limit if seeks else -np.inf, pairs, top, room - looks
-        )
+        found, s, top, more = segment_beside(solid, p, h, limit, pairs, top, room - looks)
         looks += more
         if found == NEARER:
-            seeks, more = _go_along(
-                surface, mesh, state, solid, t, triangle, along_w, s, room - looks
+            before, pair = progress.distance, pairs[2 * top - 2]
+            i, low, high = np.int64(pair.a), pair.normal[0], pair.normal[1]
+            looks += _keep_on_part(
+                surface, mesh, state, solid, t, triangle, along_w, s, i, low, high
             )
-            looks += more
+            looks += _go_along(surface, mesh, state, solid, t, triangle, along_w, s, room - looks)
+            if not progress.distance < before:
+                pair.normal[2] = 1.0  # it is halved next
         held = found != OPEN and looks < most
     progress.bound_tests += looks
     progress.beside = top if held else 0
@@ -210,8 +218,8 @@ def _point_beside(surface, mesh, state, solid, t, y, top, room):
 def _go_along(surface, mesh, state, solid, t, triangle, along_w, s, room):
     """Go from the point s of a segment to one that is nearer to the solid, in about `room` looks.
 
-    Keep it if it is nearer than all others; return whether it is, and the looks. The segment leads
-    from the triangle's first corner to its third if ALONG_W, else to its second.
+    Keep it if it is nearer than all others; return the looks. The segment leads from the triangle's
+    first corner to its third if ALONG_W, else to its second.
     """
     progress, size = state.progress[0], solid.frame[4, 0]
     v, w = (0.0, s) if along_w else (s, 0.0)
@@ -219,7 +227,31 @@ def _go_along(surface, mesh, state, solid, t, triangle, along_w, s, room):
         solid, triangle, v, w, _SPARE * size, progress.rel_err, progress.abs_err, np.inf,
         max(room, _LEAST),
     )  # fmt: skip
-    before = progress.distance
-    if here.distance < before:
+    if here.distance < progress.distance:
         keep_nearest(surface, mesh, state, solid, t, here.piece, here.t, y, v, w)
-    return progress.distance < before, looks
+    return looks
+
+
+@kernel
+def _keep_on_part(surface, mesh, state, solid, t, triangle, along_w, s, i, low, high):
+    """Keep the point s of a segment if a part of the profile is nearer to it than all known points.
+
+    The part is that of arc i, or that of the piece ~i from `low` to `high`. A way along the segment
+    may end early, at a point that is no nearer; but a small part is known by few looks. Returns
+    these.
+    """
+    progress, (a, b, c) = state.progress[0], triangle
+    v, w = (0.0, s) if along_w else (s, 0.0)
+    y = along(along(a, sub(b, a), v), sub(c, a), w)
+    rho = np.sqrt(y[0] * y[0] + y[1] * y[1])
+    if i >= 0:
+        spare = _SPARE * solid.frame[4, 0]
+        _, distance, piece, at, looks = nearest_under(solid, i, rho, y[2], 0.0, 0.0, spare, _LEAST)
+    else:
+        piece, looks = ~i, 2
+        at, distance = nearer_on_piece(
+            solid.curves[piece], low, high, rho, y[2], 0.5 * (low + high)
+        )
+    if distance < progress.distance:
+        keep_nearest(surface, mesh, state, solid, t, piece, at, y, v, w)
+    return looks

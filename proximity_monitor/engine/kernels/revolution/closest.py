@@ -53,7 +53,7 @@ def enough(distance, share, spare):
 
 
 @kernel
-def _newton(curve, low, high, rho, z, t):
+def nearer_on_piece(curve, low, high, rho, z, t):
     """Go from t to a nearer point on a part of a piece; return its t and its distance."""
     best, best_t, step = np.inf, t, 0.0
     for _ in range(_NEWTONS):
@@ -173,7 +173,7 @@ def nearest_on_arc(tree, arc, rho, z, margin, share, spare, distance, piece, at)
         put_part(curve, arc.low, arc.high, rows)
         along = share_at(rows, curve.degree, along)
     t = arc.low + along * (arc.high - arc.low)
-    t, found = _newton(curve, arc.low, arc.high, rho, z, t)
+    t, found = nearer_on_piece(curve, arc.low, arc.high, rho, z, t)
     looks = 2
     if found + margin < distance:
         distance, piece, at = found + margin, k, t
@@ -211,12 +211,18 @@ def nearest_on(tree, rho, z, margin, share, spare):
     return nearest_in(tree, rho, z, margin, share, spare, _ALL)
 
 
-@kernel
+@inlined
 def nearest_in(tree, rho, z, margin, share, spare, most):
     """Do the same in about `most` looks at arcs, or in as many as it takes to find any point."""
+    return nearest_under(tree, 0, rho, z, margin, share, spare, most)
+
+
+@kernel
+def nearest_under(tree, first, rho, z, margin, share, spare, most):
+    """Do the same on the part of the profile that the arc `first` is around."""
     arcs = tree.arcs
     stack, bounds = on_stack(_STACK, np.int32(0)), on_stack(_STACK, 0.0)
-    stack[0], bounds[0] = 0, -np.inf
+    stack[0], bounds[0] = first, -np.inf
     top, looks = 1, 0
     distance, least, piece, at = np.inf, np.inf, np.int64(0), 0.0
     while top > 0 and (looks < most or distance == np.inf):
@@ -227,10 +233,10 @@ def nearest_in(tree, rho, z, margin, share, spare, most):
         looks += 1
         child = np.int64(arc.child)
         if child != NONE and top + 2 <= _STACK:
-            first, second = halves_beside(arcs, child, rho, z, margin)
-            near = 0 if first <= second else 1  # is looked at first
-            stack[top + 1 - near], bounds[top + 1 - near] = child, first
-            stack[top + near], bounds[top + near] = child + 1, second
+            one, other = halves_beside(arcs, child, rho, z, margin)
+            near = 0 if one <= other else 1  # is looked at first
+            stack[top + 1 - near], bounds[top + 1 - near] = child, one
+            stack[top + near], bounds[top + near] = child + 1, other
             top += 2
             continue
         bound, distance, piece, at, more = nearest_on_arc(

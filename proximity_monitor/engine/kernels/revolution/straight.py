@@ -150,11 +150,12 @@ def sector_around(arc):
 def put(pairs, k, bound, i, t, low, high, s0, s1):
     """Write the waiting pair k: arc i, or the part of the piece ~i from low to high; s0 to s1 of t.
 
-    It takes two rows of CELL_PAIR.
+    It takes two rows of CELL_PAIR. The caller may write 1 to the first row's `normal[2]`: then no
+    point of that pair is looked for.
     """
     one, other = pairs[2 * k], pairs[2 * k + 1]
     one.bound, one.a, one.b = bound, i, t
-    one.normal[0], one.normal[1] = low, high
+    one.normal[0], one.normal[1], one.normal[2] = low, high, 0.0
     other.normal[0], other.normal[1] = s0, s1
 
 
@@ -168,7 +169,7 @@ def foot_on_axis(p, h):
 
 
 @kernel
-def segment_beside(tree, p, h, limit, nearer, pairs, top, room):
+def segment_beside(tree, p, h, limit, pairs, top, room):
     """Look for a point p + s h, 0 <= s <= 1, nearer to a solid's boundary than `limit` metres.
 
     Parts of the segment wait in `pairs`, the last of which is number `top` - 1. All below them are
@@ -180,15 +181,15 @@ def segment_beside(tree, p, h, limit, nearer, pairs, top, room):
         p: a point, metres.
         h: a vector, metres.
         limit: metres.
-        nearer: metres; from which distance on a point found does not count.
         pairs: the pairs of arcs and parts of segments that wait; see `put`.
         top: how many these are.
         room: how many pairs may be bounded.
 
     Returns:
-        FAR if no part is nearer than `limit`, and none waits any more; NEARER if there is a point
-        nearer than `nearer`; OPEN if neither can be proven; CUT if there is no room. Then the s
-        near which to look for the point; how many pairs wait; and how many were bounded.
+        FAR if no part is nearer than `limit`, and none waits any more; NEARER if the last pair has
+        a point that is, or may be and cannot be halved; OPEN if neither can be proven; CUT if there
+        is no room. Then the s near which to look for the point; how many pairs wait; and how many
+        were bounded.
     """
     arcs, rows = tree.arcs, table_on_stack(16, 3, 0.0)
     size = norm(p) + norm(h) + tree.frame[4, 0]
@@ -232,10 +233,12 @@ def segment_beside(tree, p, h, limit, nearer, pairs, top, room):
             if bound >= limit:
                 continue
         s = s0 + share * (s1 - s0)
-        if apart + thick + sag + margin < nearer:
+        # A short pair is about as near as the limit, which is less than the distance known.
+        last = top + 2 > STACK or max(thick, sag) <= short
+        if pair.normal[2] == 0.0 and (last or apart + thick + sag + margin < limit):
             pair.bound = bound
             return NEARER, s, top + 1, looks
-        if top + 2 > STACK or max(thick, sag) <= short:
+        if last:
             pair.bound = bound
             return OPEN, s, top + 1, looks
         if sag > thick:
