@@ -35,6 +35,12 @@ ON_THE_AXIS = {
     "chain in a bush": (BUSH, engine.polyline([[0, 0, z] for z in (-1, 0.2, 0.6, 2)]), 0.0, 1.0),
     "sphere in a socket": (SOCKET, shapes.sphere(0.9), 0.0, 0.1),
     "capsule in a socket": (SOCKET, shapes.capsule(0.9, 1.0), 0.5, 0.1),
+    "forty links in a bush": (
+        BUSH,
+        engine.polyline([[0, 0, 0.02 * z] for z in range(41)]),
+        0.1,
+        1.0,
+    ),
     "capsule in a ball": (ball(1.0), shapes.capsule(0.2, 0.4), 0.1, 0.5),
 }
 
@@ -128,3 +134,39 @@ def test_what_decides_a_clearance_is_not_said_to_be_nearest(radius):
         assert nearest.upper == pytest.approx(0.02 - radius)
         found = engine.within(a, here, b, here, 0.1)
         assert found.within and found.lower <= nearest.upper
+
+
+def wavy(spans, amplitude):
+    """Return about a ball around the origin, whose profile has so many spans."""
+    turn = np.linspace(-0.5 * math.pi, 0.5 * math.pi, spans + 3)
+    radius = 1.0 + amplitude * np.random.default_rng(1).uniform(-1.0, 1.0, len(turn))
+    points = np.stack((radius * np.cos(turn), radius * np.sin(turn)), axis=1)
+    points[[0, -1], 0] = 0.0
+    return SolidOfRevolution([Curve(points, knots=[0] * 4 + [*range(1, spans)] + [spans] * 4)])
+
+
+CORES = {
+    "point": np.zeros((1, 3)),
+    "points": 1e-9 * np.random.default_rng(2).normal(size=(8, 3)),
+    "links": 1e-9 * np.random.default_rng(3).normal(size=(9, 3)),
+}
+
+
+@pytest.mark.parametrize("name", CORES)
+def test_the_search_of_a_core_can_be_cut_anywhere(name):
+    """Nearly all of a profile is nearly as near to the middle as its nearest point."""
+    solid, points = wavy(60, 1e-10), CORES[name]
+    core = engine.polyline(points) if name == "links" else engine.points(points)
+    exact = engine.distance(solid, IDENTITY, core, IDENTITY)
+    assert exact.status is Status.EXACT
+    pair, lower = engine.Pair(solid, core), []
+    while True:
+        found = pair.distance(IDENTITY, IDENTITY, budget_s=0.0)
+        assert found.lower <= exact.upper and exact.lower <= found.upper
+        lower.append(found.lower)
+        if found.status is Status.EXACT:
+            break
+        assert found.status is Status.OUT_OF_TIME
+        assert len(lower) < 10_000
+    assert len(lower) > 10
+    assert abs(found.upper - exact.upper) < 1e-11

@@ -78,3 +78,18 @@ def test_box_on_a_flank(contact, gap):
         lowest = corners[heights < heights.min() + 1e-9].mean(axis=0)
         at[:3, 3] = [0.0, 0.0, gap] - at[:3, :3] @ lowest
         check(cone, on_flank(0.9, 0.1, 1.2, 0.4, False, 0.0), box, at, gap)
+
+
+@pytest.mark.parametrize("gap", [1e-9, 1e-6, 1e-3])
+def test_box_in_a_hollow_cone(gap):
+    """An edge of the box is along a line of the flank that surrounds it."""
+    cone, box = shapes.cone(0.9, 0.1, 1.2), shapes.box((0.2, 0.3, 0.24))
+    at = np.eye(4)
+    at[:3, :3] = turned(0.4, 0)
+    corners = np.array(list(itertools.product((-0.1, 0.1), (-0.15, 0.15), (-0.12, 0.12))))
+    heights = corners @ at[2, :3]
+    highest = corners[heights > heights.max() - 1e-9].mean(axis=0)
+    at[:3, 3] = [0.0, 0.0, -gap] - at[:3, :3] @ highest
+    there = on_flank(0.9, 0.1, 1.2, 0.4, False, 0.0)
+    check(cone, there, box, at, gap)
+    assert engine.distance(cone, there, box, at).bound_tests < 100

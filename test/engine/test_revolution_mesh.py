@@ -165,8 +165,8 @@ def nearest_of(table, corners, spare, limit, found):
     for k in range(len(corners)):
         c = corners[k]
         triangle = (c[0], c[1], c[2]), (c[3], c[4], c[5]), (c[6], c[7], c[8])
-        here, y, v, w = nearest_of_triangle(
-            tree, triangle, 1.0 / 3.0, 1.0 / 3.0, spare, 0.0, 1e-13, limit
+        here, y, v, w, _ = nearest_of_triangle(
+            tree, triangle, 1.0 / 3.0, 1.0 / 3.0, spare, 0.0, 1e-13, limit, 1 << 30
         )
         found[k, 0], found[k, 1], found[k, 2] = here.distance, v, w
         found[k, 3], found[k, 4], found[k, 5] = y
@@ -177,7 +177,7 @@ def nearest_of(table, corners, spare, limit, found):
 def distances(table, points, found):
     tree, _ = tree_at(RevolutionTree, table)
     for k in range(len(points)):
-        here = gradient_at(tree, (points[k, 0], points[k, 1], points[k, 2]), 1e-15)
+        here = gradient_at(tree, (points[k, 0], points[k, 1], points[k, 2]), 1e-15, 1 << 30)
         found[k] = here.distance
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ..kernels.base.rounding import DOUBLE_EPS
 from ..kernels.base.tables import model_table
 from ..kernels.base.trees import CURVE_PIECE, RevolutionTree, SurfaceTree
-from ..kernels.revolution.build import build_arcs
+from ..kernels.revolution.build import MOST, build_arcs
 from ..kernels.revolution.guess import take_samples
 from ..kernels.revolution.reach import take_reaches
 from .nurbs import frozen
@@ -44,6 +44,10 @@ do not count."""
 _HALVINGS = 24
 """After so many halvings control points are as near to a curve as rounding allows."""
 
+
+_FAR, _CUTS = 2.0, 5
+"""Control points are far away if they are so many times as far as any end of a piece. Then each
+piece is halved so often; so many halvings suffice in `build_arcs`, too."""
 
 _QUARTERS = 4
 """How many spans each patch has around the axis."""
@@ -121,14 +125,16 @@ class RevolutionHierarchy(SurfaceHierarchy):
 def _around(curves: NDArray, profile: Profile, frame: NDArray) -> dict[str, NDArray]:
     """Return what changes of the attributes `_OWN` when the pieces (c,) of a profile move."""
     rows = np.zeros((6, 3))
-    extent = profile.size + _BEYOND * max(_beyond(pieces) for pieces in profile.pieces)
+    beyond = _BEYOND * max(_beyond(pieces) for pieces in profile.pieces)
+    size = _extent(profile)
+    extent = size + beyond
     rows[:3], rows[3] = frame[:3, :3].T, frame[:3, 3]
     rows[4, :2] = extent, _is_convex(profile)
     rows[5] = tube_of(profile)
-    arcs = build_arcs(curves, extent, PRECISION * profile.size)
+    arcs = build_arcs(curves, extent, PRECISION * size)
     made = {
         "arcs": arcs, "curves": curves, "frame": rows, "samples": take_samples(curves),
-        "reaches": take_reaches(arcs, extent),
+        "reaches": take_reaches(arcs, profile.size + beyond),
     }  # fmt: skip
     return {name: frozen(array) for name, array in made.items()}
 
@@ -172,6 +178,30 @@ def _beyond(pieces: NDArray[np.float64]) -> float:
         if not len(left):
             return rounding
     return rounding + float((-left[..., 0] / left[..., 1]).max())
+
+
+def _extent(profile: Profile) -> float:
+    """Return a length, metres, of which rounding errors of a profile's points are shares.
+
+    They are shares of the largest coordinates that the points would have if all coordinates of the
+    control points were positive. Usually that is the profile's size. If control points of small
+    weights are much farther away than any end of a piece, the pieces are halved a few times.
+    """
+    ends = [np.abs(own[:, [0, -1], :2] / own[:, [0, -1], 2:]).max() for own in profile.pieces]
+    count = sum(map(len, profile.pieces))
+    if profile.size <= _FAR * max(ends) or count << _CUTS > MOST // 4:
+        return profile.size
+    most = 0.0
+    for pieces in profile.pieces:
+        left = np.concatenate((np.abs(pieces[..., :2]), pieces[..., 2:]), axis=-1)
+        for _ in range(_CUTS):
+            below, above = np.empty_like(left), np.empty_like(left)
+            for k in range(pieces.shape[1]):
+                below[:, k], above[:, -1 - k] = left[:, 0], left[:, -1]
+                left = 0.5 * (left[:, :-1] + left[:, 1:])
+            left = np.concatenate((below, above))
+        most = max(most, float((left[..., :2] / left[..., 2:]).max()))
+    return min(profile.size, most * (1.0 + 1e-9))
 
 
 def _curves(all_parts: Parts, profile: Profile) -> NDArray:

@@ -224,6 +224,8 @@ PROGRESS = np.dtype(
         ("laid", np.float64),  # the distance known when a plane was last laid
         ("futile", np.int64),  # how often planes beside parts of the mesh proved little
         ("resting", np.int64),  # in how many next searches no plane is laid beside the whole mesh
+        ("beside", np.int64),  # how many pairs of arcs and parts of a mesh wait beside a solid of
+        # revolution (see pairs/revolution_core.py)
         ("compared", np.int64),  # pairs of elements that have been compared
         ("due", np.int64),  # value of `compared` at which an empty ball is looked for
         ("rings", np.int64),  # how many pairs of rings are open

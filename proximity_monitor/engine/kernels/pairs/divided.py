@@ -98,6 +98,7 @@ def _prepare(cells, tree_a, tree_b, state):
     progress = state.progress[0]
     progress.dividing, progress.aside, progress.least_cells = 0, 0, np.inf
     progress.narrow, progress.narrow_divisions = 0, 0
+    progress.beside = 0
     progress.next_check, progress.dividing_before = 1, 0
     progress.ball[3], progress.ball[4], progress.ball[5] = -np.inf, -np.inf, np.inf
     progress.plane[3], progress.laid = np.inf, np.inf

@@ -28,6 +28,7 @@ from ..tree.layout import WIDTH, radius_of, row
 from .beyond_plane import end_where_held, is_held_off
 from .in_ball import is_within
 from .mesh_nearer import LOOK, improve, nearest_points
+from .revolution_around import go_around, is_around
 from .revolution_core import go_beside, is_core
 from .revolution_mesh import go_down, is_convex, is_due
 
@@ -122,6 +123,8 @@ def _look(surface, mesh, state):
 def _look_ahead(waiting, surface, mesh, state):
     if is_core(surface, mesh, state):
         return go_beside(surface, mesh, state)
+    if is_around(surface, mesh, state):
+        return go_around(surface, mesh, state)
     if is_due(state.progress[0], surface):
         return _look(surface, mesh, state)
     if not _is_soon(state.progress[0]):

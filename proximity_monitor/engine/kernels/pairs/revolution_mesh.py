@@ -58,7 +58,10 @@ LEAF_STEPS = 4
 """Cost of the triangles of a leaf, in steps of a search."""
 
 DESCENT_STEPS = 32
-"""Cost of a turn of a descent, in steps of a search."""
+"""Least cost of a turn of a descent, in steps of a search."""
+
+LOOK = 4
+"""Bounds in the half-plane, or arcs looked at there, that count as a step of a search."""
 
 
 @inlined
@@ -106,10 +109,10 @@ def _nearest_triangle(mesh, p, t, found):
 
 
 @kernel
-def _first_triangle(solid, mesh, motion, spare, found):
+def _first_triangle(solid, mesh, motion, spare, most, found):
     """Find a triangle near the point of the solid that is nearest to the middle of the mesh."""
     middle = scaled(row(mesh.centres, 0), mesh.scale[0])
-    foot = moved_back(motion, foot_of(solid, moved(motion, middle), spare))
+    foot = moved_back(motion, foot_of(solid, moved(motion, middle), spare, most))
     return _nearest_triangle(mesh, foot, walk(Point(foot, 0.0, 0.0, 0.0, 0.0), mesh, found), found)
 
 
@@ -141,18 +144,20 @@ def go_down(surface, mesh, state, fresh):
     motion, found = on_stack(12, 0.0), on_stack(WIDTH, np.float32(0.0))
     frame_of(solid, state.motions[0], motion)
     spare = _GAIN * solid.frame[4, 0]
+    most = LOOK * progress.steps
     t, weights = progress.element_b, vector(progress.weights_b)
     v, w = weights[1], weights[2]
     if fresh:
-        t, _, v, w = _first_triangle(solid, mesh, motion, spare, found)
+        t, _, v, w = _first_triangle(solid, mesh, motion, spare, most, found)
     steps = 0
     for _ in range(_TURNS):
         a, b, c = corners(mesh.triangles, t)
         triangle = moved(motion, a), moved(motion, b), moved(motion, c)
-        here, y, v, w = nearest_of_triangle(
-            solid, triangle, v, w, spare, progress.rel_err, progress.abs_err, np.inf
+        here, y, v, w, looks = nearest_of_triangle(
+            solid, triangle, v, w, spare, progress.rel_err, progress.abs_err, np.inf, most
         )
-        steps += DESCENT_STEPS
+        steps += max(DESCENT_STEPS, looks // LOOK)
+        most -= looks
         before = progress.distance
         keep_nearest(surface, mesh, state, solid, t, here.piece, here.t, y, v, w)
         if not progress.slack < progress.distance < before:
@@ -162,6 +167,8 @@ def go_down(surface, mesh, state, fresh):
         steps += lay_plane(surface, mesh, state)
         if progress.open == 0:
             break
+        if most <= 0:
+            break  # the slice is over
         foot = moved_back(motion, along(y, here.normal, -here.distance))
         t, distance, v, w = _nearest_triangle(mesh, foot, t, found)
         if not distance < here.distance * (1.0 - _GAIN):
@@ -197,7 +204,7 @@ def _open_beside(surface, mesh, state, lane, bound, lows):
     if not left:
         return True, 1
     middle = scaled(row(mesh.centres, child), mesh.scale[0])
-    here = gradient_at(solid, moved(motion, middle), spare)
+    here = gradient_at(solid, moved(motion, middle), spare, LOOK * progress.steps)
     n, end = plane_across(solid, to_surface, here.normal, progress.slack)
     if not dot(n, middle) - end > _USEFUL * here.distance:
         progress.futile += 1
@@ -228,9 +235,9 @@ def _is_farther(surface, mesh, state, solid, t, motion, to_surface, spare):
     a, b, c = corners(mesh.triangles, t)
     triangle = moved(motion, a), moved(motion, b), moved(motion, c)
     progress.primitive_tests += 1
-    here, y, v, w = nearest_of_triangle(
+    here, y, v, w, _ = nearest_of_triangle(
         solid, triangle, 1.0 / 3.0, 1.0 / 3.0, spare, progress.rel_err, progress.abs_err,
-        progress.limit,
+        progress.limit, LOOK * progress.steps,
     )  # fmt: skip
     if here.distance < progress.distance:
         keep_nearest(surface, mesh, state, solid, t, here.piece, here.t, y, v, w)

@@ -17,11 +17,13 @@ from ..base.jit import kernel
 from ..base.memory import on_stack, table_on_stack
 from ..base.rounding import DOUBLE_EPS
 from ..base.trees import NONE
-from .profile import jet_of, put_part
+from .profile import jet_of, put_part, size_of_part
 
 _ROUNDING = 2048.0 * DOUBLE_EPS
-"""What rounding may add to an arc's error, as a share of the largest coordinate P.
+"""What rounding may add to an arc's error, as a share of a length P.
 
+P is the largest coordinate of a point of the profile, and of the control points of the part if all
+coordinates were positive (see `size_of_part`): those of a whole piece may be far from it.
 De Casteljau's method moves control points by less than 4 u P for each degree and direction, that is
 120 u P. The middle point and the chord err by as much. In the chord's own frame, the squared
 distance from the centre errs by less than 64 u times the squared length of the chord. The quotient
@@ -38,7 +40,11 @@ _CHOOSE = np.array([[float(math.comb(n, k)) for k in range(31)] for n in range(3
 
 @kernel
 def fit_arc(curve, low, high, size, arc):
-    """Fit a fat arc to a part of a piece and write it to `arc`; `size` (m) is P of `_ROUNDING`."""
+    """Fit a fat arc to a part of a piece and write it to `arc`.
+
+    `size`, metres, is no less than the largest coordinate of a point of the profile.
+    """
+    size = size_of_part(curve, low, high, size)
     rows = table_on_stack(16, 3, 0.0)
     put_part(curve, low, high, rows)
     degree = curve.degree
@@ -219,6 +225,7 @@ def hold(curves, first, end, size, arc):
             x, z = curve.control[3 * i] / w, curve.control[3 * i + 1] / w
             low = min(low[0], x), min(low[1], z)
             high = max(high[0], x), max(high[1], z)
+    size = max(size, max(max(-low[0], high[0]), max(-low[1], high[1])))
     hx, hz = 0.5 * (high[0] - low[0]), 0.5 * (high[1] - low[1])
     mx, mz = low[0] + hx, low[1] + hz
     upright = hz > hx

@@ -21,6 +21,9 @@ from .reach import arc_at, bulge, reach_of
 MINIMUM_STEPS = 6
 """Steps of a search that a search for one local minimum counts as."""
 
+MOST = 1 << 18
+"""Bounds after which a search opens no more pairs: a quarter of a second."""
+
 _AROUND = 1.5
 """How far from the middle of a sector its minimum may be, as a multiple of half its angle."""
 
@@ -147,11 +150,14 @@ def bound_rings(tree_a, tree_b, state, motion, a, b, angle, half, sector, bound)
             keep_ring(state, a, b, angle, half, sector, n, e)
             return steps
     slot = progress.slots
-    if slot == len(waiting.rings):
+    if progress.rings == len(waiting.rings) or progress.bound_tests >= MOST:
         progress.least_cells = min(progress.least_cells, bound)
         progress.recorded = NONE
         return steps
-    progress.slots += 1
+    if progress.rings < slot:
+        slot = np.int64(waiting.heap[progress.rings])  # it has become free
+    else:
+        progress.slots += 1
     ring = waiting.rings[slot]
     ring.bound, ring.a, ring.b, ring.angle, ring.half = bound, a, b, angle, half
     ring.sector[0], ring.sector[1], ring.sector[2], ring.sector[3] = sector

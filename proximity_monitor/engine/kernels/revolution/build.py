@@ -7,11 +7,16 @@ import numpy as np
 from ..base.jit import allocating_entry, inlined
 from ..base.trees import ARC, NONE
 from .arcs import fit_arc, hold
+from .profile import size_of_part
 
-_MOST = 1 << 16
+MOST = 1 << 16
 """Arcs that a tree has before its pieces are no longer halved."""
 
-NARROW = 1e-9
+_FAR = 2.0
+"""Control points of the part of an arc are not farther away than so many sizes. So the margins of
+points, MARGIN in meridian.py, hold for them as well."""
+
+NARROW = 1e-12
 """A part of a piece is not halved if its range of the parameter is no longer than this."""
 
 
@@ -31,8 +36,9 @@ def build_arcs(curves, size, precision):
 
     Args:
         curves: (c,) CURVE_PIECE, one after the other along the profile.
-        size: metres; P of `_ROUNDING` in arcs.py, no less than a control point's coordinates.
-        precision: metres; arcs are halved down to this error.
+        size: metres; no less than the largest coordinate of a point of the profile.
+        precision: metres; arcs are halved down to this error, and until the control points of their
+            parts are not much farther away than the profile.
 
     Returns:
         (k,) ARC. The two halves of an arc are adjacent.
@@ -61,9 +67,12 @@ def build_arcs(curves, size, precision):
             arc.child = np.int32(count)
             count += 2
         else:
-            fit_arc(curves[first], arc.low, arc.high, size, arc)
+            curve = curves[first]
+            fit_arc(curve, arc.low, arc.high, size, arc)
             wide = arc.high - arc.low > NARROW
-            if arc.error > precision and wide and count + 2 <= _MOST:
+            coarse = arc.error > precision
+            coarse = coarse or size_of_part(curve, arc.low, arc.high, size) > _FAR * size
+            if coarse and wide and count + 2 <= MOST:
                 arc.child = np.int32(count)
                 put_halves(arc, arcs[count], arcs[count + 1])
                 for k in range(2):

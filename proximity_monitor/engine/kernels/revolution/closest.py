@@ -31,6 +31,9 @@ from .certificate import LOST, SPARE
 from .meridian import chord_of, from_arc, from_chord, from_segment, thickness
 from .profile import jet_of, put_part
 
+_ALL = 1 << 60
+"""Looks of a search that is not cut."""
+
 _STACK = 128
 """Room for arcs that wait, twice the depth of a tree, and for waiting parts of one arc."""
 
@@ -50,7 +53,7 @@ def enough(distance, share, spare):
 
 
 @kernel
-def _newton(curve, low, high, rho, z, t):
+def nearer_on_piece(curve, low, high, rho, z, t):
     """Go from t to a nearer point on a part of a piece; return its t and its distance."""
     best, best_t, step = np.inf, t, 0.0
     for _ in range(_NEWTONS):
@@ -153,6 +156,49 @@ def _divide(curve, arc, rho, z, t, distance, share, spare, margin):
 
 
 @kernel
+def nearest_on_arc(tree, arc, rho, z, margin, share, spare, distance, piece, at):
+    """Find the nearest point on the part of an arc without halves, as `nearest_on` does for all.
+
+    `distance`, `piece` and `at` are those of the nearest point known. Returns a lower bound of the
+    distance of the part; these three, of the point found if it is nearer; and the looks.
+    """
+    off, s = from_arc(arc, rho, z)
+    bound, looks = off - arc.error - margin, 0
+    if bound >= enough(distance, share, spare):
+        return bound, distance, piece, at, looks
+    k = np.int64(arc.curve)
+    curve, along = tree.curves[k], 0.5 * (1.0 + s)
+    if curve.control[2] != curve.control[3 * curve.degree + 2]:
+        rows = table_on_stack(16, 3, 0.0)
+        put_part(curve, arc.low, arc.high, rows)
+        along = share_at(rows, curve.degree, along)
+    t = arc.low + along * (arc.high - arc.low)
+    t, found = nearer_on_piece(curve, arc.low, arc.high, rho, z, t)
+    looks = 2
+    if found + margin < distance:
+        distance, piece, at = found + margin, k, t
+    if bound < enough(distance, share, spare):
+        bound = max(bound, _least_on(tree.curves[k], arc, rho, z, t) - margin)
+    if bound < enough(distance, share, spare):
+        t, found, divided, parts = _divide(
+            tree.curves[k], arc, rho, z, at, distance, share, spare, margin
+        )
+        bound = max(bound, divided)
+        looks += 2 * parts
+        if found < distance:
+            distance, piece, at = found, k, t
+    return bound, distance, piece, at, looks
+
+
+@inlined
+def halves_beside(arcs, child, rho, z, margin):
+    """Return lower bounds of the distances of a point from both halves of an arc, metres."""
+    one, other = arcs[child], arcs[child + 1]
+    first = from_chord(one, rho, z) - thickness(one) - margin
+    return first, from_chord(other, rho, z) - thickness(other) - margin
+
+
+@inlined
 def nearest_on(tree, rho, z, margin, share, spare):
     """Find the point of the profile nearest to the point (rho, z) of the half-plane, metres.
 
@@ -162,13 +208,24 @@ def nearest_on(tree, rho, z, margin, share, spare):
         Bounds of the distance, the upper one that of the point found; its piece and its parameter
         there; and how many arcs were looked at.
     """
+    return nearest_in(tree, rho, z, margin, share, spare, _ALL)
+
+
+@inlined
+def nearest_in(tree, rho, z, margin, share, spare, most):
+    """Do the same in about `most` looks at arcs, or in as many as it takes to find any point."""
+    return nearest_under(tree, 0, rho, z, margin, share, spare, most)
+
+
+@kernel
+def nearest_under(tree, first, rho, z, margin, share, spare, most):
+    """Do the same on the part of the profile that the arc `first` is around."""
     arcs = tree.arcs
     stack, bounds = on_stack(_STACK, np.int32(0)), on_stack(_STACK, 0.0)
-    stack[0], bounds[0] = 0, -np.inf
-    rows = table_on_stack(16, 3, 0.0)
+    stack[0], bounds[0] = first, -np.inf
     top, looks = 1, 0
     distance, least, piece, at = np.inf, np.inf, np.int64(0), 0.0
-    while top > 0:
+    while top > 0 and (looks < most or distance == np.inf):
         top -= 1
         if bounds[top] >= enough(distance, share, spare):
             continue
@@ -176,38 +233,19 @@ def nearest_on(tree, rho, z, margin, share, spare):
         looks += 1
         child = np.int64(arc.child)
         if child != NONE and top + 2 <= _STACK:
-            one, other = arcs[child], arcs[child + 1]
-            first = from_chord(one, rho, z) - thickness(one) - margin
-            second = from_chord(other, rho, z) - thickness(other) - margin
-            near = 0 if first <= second else 1  # is looked at first
-            stack[top + 1 - near], bounds[top + 1 - near] = child, first
-            stack[top + near], bounds[top + near] = child + 1, second
+            one, other = halves_beside(arcs, child, rho, z, margin)
+            near = 0 if one <= other else 1  # is looked at first
+            stack[top + 1 - near], bounds[top + 1 - near] = child, one
+            stack[top + near], bounds[top + near] = child + 1, other
             top += 2
             continue
-        off, s = from_arc(arc, rho, z)
-        bound = off - arc.error - margin
-        if bound >= enough(distance, share, spare):
-            continue
-        k = np.int64(arc.curve)
-        curve, along = tree.curves[k], 0.5 * (1.0 + s)
-        if curve.control[2] != curve.control[3 * curve.degree + 2]:
-            put_part(curve, arc.low, arc.high, rows)
-            along = share_at(rows, curve.degree, along)
-        t = arc.low + along * (arc.high - arc.low)
-        t, found = _newton(curve, arc.low, arc.high, rho, z, t)
-        looks += 2
-        if found + margin < distance:
-            distance, piece, at = found + margin, k, t
+        bound, distance, piece, at, more = nearest_on_arc(
+            tree, arc, rho, z, margin, share, spare, distance, piece, at
+        )
+        looks += more
         if bound < enough(distance, share, spare):
-            bound = max(bound, _least_on(tree.curves[k], arc, rho, z, t) - margin)
-        if bound < enough(distance, share, spare):
-            t, found, divided, parts = _divide(
-                tree.curves[k], arc, rho, z, at, distance, share, spare, margin
-            )
-            bound = max(bound, divided)
-            looks += 2 * parts
-            if found < distance:
-                distance, piece, at = found, k, t
-        least = min(least, bound)
+            least = min(least, bound)
+    for k in range(top):  # what was not looked at any more
+        least = min(least, bounds[k])
     least = max(min(least, enough(distance, share, spare)), 0.0)
     return least, distance, piece, at, looks

@@ -1,4 +1,7 @@
-"""A binary heap of pairs of rings, as their slots in `rings`; the least bound is first."""
+"""A binary heap of pairs of rings, as their slots in `rings`; the least bound is first.
+
+Slots that have become free follow those of the heap.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +26,7 @@ def add_ring(rings, heap, count, slot):
 def drop_ring(rings, heap, count):
     """Remove the first pair; return how many pairs there are then."""
     last = count - 1
-    slot, at = heap[last], 0
+    slot, free, at = heap[last], heap[0], 0
     bound = rings[slot].bound
     while True:
         child = 2 * at + 1
@@ -36,4 +39,5 @@ def drop_ring(rings, heap, count):
         heap[at] = heap[child]
         at = child
     heap[at] = slot
+    heap[last] = free
     return last

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..base.jit import kernel
+from ..base.jit import inlined, kernel
 from ..base.memory import table_on_stack
 
 WIDTH = 16
@@ -56,6 +56,37 @@ def put_part(curve, low, high, rows):
     for i in range(degree + 1):
         for c in range(3):
             rows[i, c] = curve.control[3 * i + c]
+    _cut(rows, degree, low, high)
+
+
+@kernel
+def size_of_part(curve, low, high, size):
+    """Return the length of which rounding errors of a part are shares, metres, at least `size`.
+
+    Rounding errs by shares of the terms that are added up, whatever their signs. So this is the
+    largest coordinate that the control points of the part would have if all coordinates of the
+    piece's control points were positive.
+    """
+    degree, most = curve.degree, 0.0
+    for i in range(degree + 1):
+        far = max(abs(curve.control[3 * i]), abs(curve.control[3 * i + 1]))
+        most = max(most, far / curve.control[3 * i + 2])
+    if most <= size:
+        return size
+    rows = table_on_stack(16, 3, 0.0)
+    for i in range(degree + 1):
+        for c in range(3):
+            rows[i, c] = abs(curve.control[3 * i + c])
+    _cut(rows, degree, low, high)
+    most = size
+    for i in range(degree + 1):
+        most = max(most, max(rows[i, 0], rows[i, 1]) / rows[i, 2])
+    return most
+
+
+@inlined
+def _cut(rows, degree, low, high):
+    """Make the control points in `rows` those of the part from `low` to `high`."""
     if high < 1.0:
         # Keep what is below `high`: the first points of each level.
         for level in range(degree):

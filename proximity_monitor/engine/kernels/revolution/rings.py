@@ -20,12 +20,15 @@ from ..base.state import CELLS_FULL, CUT, ENDED
 from ..base.trees import NONE
 from .around import part_around
 from .bound import facing, half_of, normal_of_a, normal_of_b, sags, sector_of
-from .bounded import MINIMUM_STEPS, fineness, gap_along, halves_of, part_off, prove
+from .bounded import MINIMUM_STEPS, MOST, fineness, gap_along, halves_of, part_off, prove
 from .front import begin_front, end_front, keep_ring
 from .heap import drop_ring
 from .minima import SMALL, find_minimum, measure_rings, nearest_minimum, relative
 from .newton import derivatives_at
 from .reach import arc_at
+
+_CLEARANCE = 0.9
+"""If the limit is below this share of the distance, the question is about a clearance."""
 
 _SHORT = 1e-13
 """Bend, as a share of both models' sizes, up to which neither arcs nor sectors are halved."""
@@ -164,6 +167,19 @@ def _is_enough(progress):
     return met or progress.distance + progress.slack <= progress.abs_err
 
 
+@inlined
+def _is_over(progress, bound):
+    """Return whether the search is over, with `bound` as the least bound of all open pairs.
+
+    The least bound of those that could not be halved limits the lower bound. Beyond it, only nearer
+    points can be found, which may decide whether a clearance is kept.
+    """
+    if bound >= progress.limit:
+        return True
+    decides = progress.limit < _CLEARANCE * progress.distance
+    return bound >= progress.least_cells and not (decides and progress.bound_tests < MOST)
+
+
 @shared
 def search_rings(tree_a, tree_b, state):
     """Run a search for the steps that it has left.
@@ -177,7 +193,7 @@ def search_rings(tree_a, tree_b, state):
     waiting, steps = state.waiting, progress.steps
     code = ENDED
     while progress.rings > 0 and not _is_enough(progress):
-        if waiting.rings[waiting.heap[0]].bound >= progress.limit:
+        if _is_over(progress, waiting.rings[waiting.heap[0]].bound):
             break
         if steps == 0:
             code = CUT

@@ -3,9 +3,11 @@
 In the half-plane (rho, z) of its points a segment is a convex curve: rho is the root of a square of
 s, its share. So a part of it is below its chord, and above both its tangents at the ends. Pairs of
 a fat arc and a part of the segment are bounded by the distance of their chords, less how far both
-are from these. Halving either reduces that four times. For an arc of a circle with the centre c and
-the radius r two bounds are exact. With u from c to a point of the arc, no point p is nearer to it
-than |p - c| - r, nor than r - u . (p - c).
+are from these. Halving either reduces that four times. The segment is nowhere farther from the axis
+than its chord. So along a normal that points away from the axis, it begins no sooner than that.
+
+For an arc of a circle with the centre c and the radius r two bounds are exact. With u from c to a
+point of the arc, no point p is nearer to it than |p - c| - r, nor than r - u . (p - c).
 """
 
 from __future__ import annotations
@@ -13,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..base.jit import inlined, kernel
-from ..base.memory import on_stack, table_on_stack
+from ..base.memory import table_on_stack
 from ..base.rounding import DOUBLE_EPS
 from ..base.trees import NONE
 from ..base.vectors import norm
@@ -22,11 +24,11 @@ from .coaxial import circle_of, is_round
 from .meridian import chord_of, from_segment, thickness
 from .reach import most_in
 
-FAR, NEARER, OPEN = 0, 1, 2
-"""No point of a segment is nearer than the limit; one is; neither is proven."""
+FAR, NEARER, OPEN, CUT = 0, 1, 2, 3
+"""No point of a segment is nearer than the limit; one is; neither is proven; no looks are left."""
 
-_STACK, _LOOKS = 256, 8192
-"""Room for pairs that wait, and the most pairs that are looked at."""
+STACK = 512
+"""Room for pairs that wait."""
 
 _MARGIN = 512.0 * DOUBLE_EPS
 """What rounding may do to a bound, as a share of P, the length that errors of arcs are a share of,
@@ -91,51 +93,120 @@ def _between(x0, z0, x1, z1, r0, w0, r1, w1):
 
 
 @inlined
-def _from_circle(arc, r0, w0, r1, w1):
-    """Return a bound of the distance of a round arc and a segment of the half-plane, metres."""
-    x, z, radius = circle_of(arc)
-    outside = from_segment(x, z, r0, w0, r1, w1) - radius
-    half = np.sqrt(arc.half[0] * arc.half[0] + arc.half[1] * arc.half[1])
-    side = 1.0 if arc.sine > 0.0 else -1.0
-    sector = (
-        -side * arc.half[1] / half, side * arc.half[0] / half, arc.cosine, abs(arc.sine)
-    )  # fmt: skip
-    far = max(most_in(sector, r0 - x, w0 - z), most_in(sector, r1 - x, w1 - z))
-    return max(outside, radius - far) - arc.error
+def _gap(x, z, hx, hz, r0, w0, r1, w1):
+    """Return how far a line is beyond two points, along its normal away from the axis, metres.
+
+    The line leads from (x, z) along (hx, hz). If it is across the axis, both normals serve.
+    """
+    length = np.sqrt(hx * hx + hz * hz)
+    if not length > 0.0:
+        return -np.inf
+    first, last = hz * (x - r0) - hx * (z - w0), hz * (x - r1) - hx * (z - w1)
+    if hz < 0.0 or (hz == 0.0 and first < 0.0):
+        first, last = -first, -last
+    return min(first, last) / length
 
 
 @inlined
-def _put(stack, parts, top, i, low, high, s0, s1):
-    """Put a pair on the stack: arc i, or the part of the piece ~i from low to high; s0 to s1."""
-    stack[top] = i
-    parts[top, 0], parts[top, 1], parts[top, 2], parts[top, 3] = low, high, s0, s1
+def _beyond(x0, z0, x1, z1, r0, w0, r1, w1):
+    """Return a bound of the distance of a chord and a part of a segment whose own chord is known.
+
+    It does not depend on how far below its chord the part of the segment is: see `_gap`.
+    """
+    gap = _gap(x0, z0, x1 - x0, z1 - z0, r0, w0, r1, w1)
+    # The same along the normal of the segment's chord: how far both ends of the other are beyond.
+    hx, hz = r1 - r0, w1 - w0
+    length = np.sqrt(hx * hx + hz * hz)
+    if not length > 0.0:
+        return gap
+    first, last = hz * (x0 - r0) - hx * (z0 - w0), hz * (x1 - r0) - hx * (z1 - w0)
+    if hz < 0.0 or (hz == 0.0 and first < 0.0):
+        first, last = -first, -last
+    return max(gap, min(first, last) / length)
+
+
+@inlined
+def _from_circle(arc, r0, w0, r1, w1, sag):
+    """Return a bound of the distance of a round arc and a part of a segment, metres.
+
+    The part is below its chord by at most `sag`.
+    """
+    x, z, radius = circle_of(arc)
+    outside = from_segment(x, z, r0, w0, r1, w1) - radius - sag
+    sector = sector_around(arc)
+    far = max(most_in(sector, r0 - x, w0 - z), most_in(sector, r1 - x, w1 - z))
+    return max(outside, radius - far - sag * max(most_in(sector, -1.0, 0.0), 0.0)) - arc.error
+
+
+@inlined
+def sector_around(arc):
+    """Return the sector of the unit vectors from a round arc's centre to its points."""
+    half = np.sqrt(arc.half[0] * arc.half[0] + arc.half[1] * arc.half[1])
+    side = 1.0 if arc.sine > 0.0 else -1.0
+    return (-side * arc.half[1] / half, side * arc.half[0] / half, arc.cosine, abs(arc.sine))
+
+
+@inlined
+def put(pairs, k, bound, i, t, low, high, s0, s1):
+    """Write the waiting pair k: arc i, or the part of the piece ~i from low to high; s0 to s1 of t.
+
+    It takes two rows of CELL_PAIR. The caller may write 1 to the first row's `normal[2]`: then no
+    point of that pair is looked for.
+    """
+    one, other = pairs[2 * k], pairs[2 * k + 1]
+    one.bound, one.a, one.b = bound, i, t
+    one.normal[0], one.normal[1], one.normal[2] = low, high, 0.0
+    other.normal[0], other.normal[1] = s0, s1
+
+
+@inlined
+def foot_on_axis(p, h):
+    """Return where p + s h is nearest to the axis, 0 <= s <= 1: rho grows on either side."""
+    square = h[0] * h[0] + h[1] * h[1]
+    if not square > 0.0:
+        return 0.0
+    return min(max(-(p[0] * h[0] + p[1] * h[1]) / square, 0.0), 1.0)
 
 
 @kernel
-def segment_beside(tree, p, h, limit):
+def segment_beside(tree, p, h, limit, pairs, top, room):
     """Look for a point p + s h, 0 <= s <= 1, nearer to a solid's boundary than `limit` metres.
 
-    Returns FAR if there is certainly none, NEARER if there is one, else OPEN; the s near which to
-    look for it; and how many pairs of arcs and parts were bounded. All is in the profile's frame.
+    Parts of the segment wait in `pairs`, the last of which is number `top` - 1. All below them are
+    of other segments, and stay. Each part is on one side of the point nearest to the axis. All is
+    in the profile's frame.
+
+    Args:
+        tree: the solid.
+        p: a point, metres.
+        h: a vector, metres.
+        limit: metres.
+        pairs: the pairs of arcs and parts of segments that wait; see `put`.
+        top: how many these are.
+        room: how many pairs may be bounded.
+
+    Returns:
+        FAR if no part is nearer than `limit`, and none waits any more; NEARER if the last pair has
+        a point that is, or may be and cannot be halved; OPEN if neither can be proven; CUT if there
+        is no room. Then the s near which to look for the point; how many pairs wait; and how many
+        were bounded.
     """
     arcs, rows = tree.arcs, table_on_stack(16, 3, 0.0)
-    stack, parts = on_stack(_STACK, np.int32(0)), table_on_stack(_STACK, 4, 0.0)
     size = norm(p) + norm(h) + tree.frame[4, 0]
     margin, short = _MARGIN * size, _SHORT * size
-    # Cut the segment where it is nearest to the axis: rho grows on either side.
-    square = h[0] * h[0] + h[1] * h[1]
-    foot = 0.0
-    if square > 0.0:
-        foot = min(max(-(p[0] * h[0] + p[1] * h[1]) / square, 0.0), 1.0)
+    foot = foot_on_axis(p, h)
     x, y = p[0] + foot * h[0], p[1] + foot * h[1]
     off = np.sqrt(x * x + y * y) + 16.0 * DOUBLE_EPS * size
-    _put(stack, parts, 0, 0, 0.0, 0.0, 0.0, foot)
-    _put(stack, parts, 1, 0, 0.0, 0.0, foot, 1.0)
-    top, looks = 2, 0
-    while top > 0:
+    t, looks = np.int64(pairs[2 * top - 2].b), 0
+    while top > 0 and pairs[2 * top - 2].b == t:
+        if looks >= room:
+            return CUT, 0.0, top, looks
+        pair, more = pairs[2 * top - 2], pairs[2 * top - 1]
+        i, low, high = np.int64(pair.a), pair.normal[0], pair.normal[1]
+        s0, s1, bound = more.normal[0], more.normal[1], pair.bound
         top -= 1
-        i, low, high = np.int64(stack[top]), parts[top, 0], parts[top, 1]
-        s0, s1 = parts[top, 2], parts[top, 3]
+        if bound >= limit:
+            continue
         x, y = p[0] + s0 * h[0], p[1] + s0 * h[1]
         r0, w0 = np.sqrt(x * x + y * y), p[2] + s0 * h[2]
         x, y = p[0] + s1 * h[0], p[1] + s1 * h[1]
@@ -148,33 +219,46 @@ def segment_beside(tree, p, h, limit):
             x1, z1 = arc.middle[0] + arc.half[0], arc.middle[1] + arc.half[1]
             thick = thickness(arc)
             if is_round(arc):
-                rounded = _from_circle(arc, r0, w0, r1, w1)
+                rounded = _from_circle(arc, r0, w0, r1, w1, sag)
         else:
             x0, z0, x1, z1, thick = chord_of(tree.curves[~i], low, high, rows)
         apart, share = _between(x0, z0, x1, z1, r0, w0, r1, w1)
         looks += 1
-        if max(apart - thick, rounded) - sag - margin >= limit:
+        bound = max(bound, max(apart - thick - sag, rounded) - margin)
+        if bound >= limit:
             continue
+        if sag > 0.0:
+            gap = _beyond(x0, z0, x1, z1, r0, w0, r1, w1)
+            bound = max(bound, gap - thick - margin)
+            if bound >= limit:
+                continue
         s = s0 + share * (s1 - s0)
-        if apart + thick + sag + margin < limit:
-            return NEARER, s, looks
-        if looks == _LOOKS or top + 2 > _STACK or max(thick, sag) <= short:
-            return OPEN, s, looks
+        # A short pair is about as near as the limit, which is less than the distance known.
+        last = top + 2 > STACK or max(thick, sag) <= short
+        if pair.normal[2] == 0.0 and (last or apart + thick + sag + margin < limit):
+            pair.bound = bound
+            return NEARER, s, top + 1, looks
+        if last:
+            pair.bound = bound
+            return OPEN, s, top + 1, looks
         if sag > thick:
             middle = 0.5 * (s0 + s1)
-            _put(stack, parts, top, i, low, high, s0, middle)
-            _put(stack, parts, top + 1, i, low, high, middle, s1)
+            put(pairs, top, bound, i, t, low, high, s0, middle)
+            put(pairs, top + 1, bound, i, t, low, high, middle, s1)
         elif i < 0:
             middle = low + share_at(rows, tree.curves[~i].degree, 0.5) * (high - low)
             if not low < middle < high:
-                return OPEN, s, looks
-            _put(stack, parts, top, i, low, middle, s0, s1)
-            _put(stack, parts, top + 1, i, middle, high, s0, s1)
+                pair.bound = bound
+                return OPEN, s, top + 1, looks
+            put(pairs, top, bound, i, t, low, middle, s0, s1)
+            put(pairs, top + 1, bound, i, t, middle, high, s0, s1)
         elif arcs[i].child != NONE:
-            _put(stack, parts, top, np.int64(arcs[i].child), 0.0, 0.0, s0, s1)
-            _put(stack, parts, top + 1, np.int64(arcs[i].child) + 1, 0.0, 0.0, s0, s1)
+            child = np.int64(arcs[i].child)
+            put(pairs, top, bound, child, t, 0.0, 0.0, s0, s1)
+            put(pairs, top + 1, bound, child + 1, t, 0.0, 0.0, s0, s1)
         else:  # from here on, the part of the piece that the arc is around
-            _put(stack, parts, top, ~np.int64(arcs[i].curve), arcs[i].low, arcs[i].high, s0, s1)
+            whole = ~np.int64(arcs[i].curve)
+            put(pairs, top, bound, whole, t, arcs[i].low, arcs[i].high, s0, s1)
             top -= 1
         top += 2
-    return FAR, 0.0, looks
+    return FAR, 0.0, top, looks

@@ -20,13 +20,14 @@ import numpy as np
 from ..base.jit import kernel
 from ..base.precise import accurate_cross
 from ..base.vectors import along, dot, norm, scaled, sub
-from .closest import nearest_on
+from .closest import nearest_in
 from .profile import jet_of
 
-Reach = namedtuple("Reach", "distance normal across around bend turn piece t corner")
+Reach = namedtuple("Reach", "distance normal across around bend turn piece t corner looks")
 """How far a point is from a solid, metres: `normal` is the gradient n, `across` is m, `around` the
 unit vector around the axis; `bend` and `turn` are the second derivatives along m and around, 1/m;
-`piece` and `t` tell where the profile is nearest, and whether that is a `corner` of it."""
+`piece` and `t` tell where the profile is nearest, and whether that is a `corner` of it; `looks` how
+many arcs were looked at."""
 
 _STEPS, _LEAST, _MOST = 16, 0.1, 0.8
 """Steps of Newton's method; the least and the largest share to which a step that does not lead
@@ -54,16 +55,19 @@ _FLAT = 1e-12
 
 
 @kernel
-def _nearest(tree, y, spare):
+def _nearest(tree, y, spare, most):
     rho = np.sqrt(y[0] * y[0] + y[1] * y[1])
-    _, _, piece, t, _ = nearest_on(tree, rho, y[2], 0.0, 0.0, spare)
-    return rho, piece, t
+    _, _, piece, t, looks = nearest_in(tree, rho, y[2], 0.0, 0.0, spare, most)
+    return rho, piece, t, looks
 
 
 @kernel
-def gradient_at(tree, y, spare):
-    """Return the Reach of a point of the profile's frame, its distance right to `spare` metres."""
-    rho, piece, t = _nearest(tree, y, spare)
+def gradient_at(tree, y, spare, most):
+    """Return the Reach of a point of the profile's frame, its distance right to `spare` metres.
+
+    After about `most` looks at arcs, it may be that of a point of the profile that is not nearest.
+    """
+    rho, piece, t, looks = _nearest(tree, y, spare, most)
     curve = tree.curves[piece]
     (r, z), (r1, z1), (r2, z2) = jet_of(curve, t)
     dr, dz = rho - r, y[2] - z
@@ -86,13 +90,16 @@ def gradient_at(tree, y, spare):
     ex, ey = (y[0] / rho, y[1] / rho) if rho > 0.0 else (1.0, 0.0)
     turn = max(nr / rho, 0.0) if rho > 0.0 else bend
     normal, across = (nr * ex, nr * ey, nz), (-nz * ex, -nz * ey, nr)
-    return Reach(length, normal, across, (-ey, ex, 0.0), bend, turn, piece, t, corner)
+    return Reach(length, normal, across, (-ey, ex, 0.0), bend, turn, piece, t, corner, looks)
 
 
 @kernel
-def foot_of(tree, y, spare):
-    """Return the point of a solid's boundary nearest to y, in the half-plane of y."""
-    rho, piece, t = _nearest(tree, y, spare)
+def foot_of(tree, y, spare, most):
+    """Return the point of a solid's boundary nearest to y, in the half-plane of y.
+
+    After about `most` looks at arcs, the point may be another one near y.
+    """
+    rho, piece, t, _ = _nearest(tree, y, spare, most)
     (r, z), _, _ = jet_of(tree.curves[piece], t)
     share = r / rho if rho > 0.0 else 0.0
     return (share * y[0], share * y[1], z) if rho > 0.0 else (r, 0.0, z)
@@ -127,17 +134,19 @@ def _least(gv, gw, hvv, hvw, hww, v, w):
 
 
 @kernel
-def nearest_of_triangle(tree, triangle, v, w, spare, rel_err, abs_err, limit):
+def nearest_of_triangle(tree, triangle, v, w, spare, rel_err, abs_err, limit, most):
     """Find the point a + v (b - a) + w (c - a) of a triangle nearest to a solid, from a given v, w.
 
-    Returns its Reach, the point, v and w. The search ends if the plane perpendicular to the
-    gradient leaves at most half of the tolerances (Frank and Wolfe 1956), or proves that nothing is
-    below the limit. The distance of a point need not be known better than to `spare` metres.
+    Returns its Reach, the point, v, w, and how many arcs were looked at. The search ends if the
+    plane perpendicular to the gradient leaves at most half of the tolerances (Frank and Wolfe
+    1956), or proves that nothing is below the limit, or after about `most` looks. The distance of a
+    point need not be known better than to `spare` metres.
     """
     a, b, c = triangle
     e, f = sub(b, a), sub(c, a)
     y = along(along(a, e, v), f, w)
-    here = gradient_at(tree, y, spare)
+    here = gradient_at(tree, y, spare, most)
+    looks = here.looks
     fresh, gv, gw, dv, dw, less = True, 0.0, 0.0, 0.0, 0.0, 0.0
     for _ in range(_STEPS):
         if fresh:
@@ -155,9 +164,12 @@ def nearest_of_triangle(tree, triangle, v, w, spare, rel_err, abs_err, limit):
             if here.distance + less < 0.0:  # only as far as the boundary
                 share = min(-here.distance / (gv * dv + gw * dw), 1.0)
                 dv, dw = share * dv, share * dw
+        if looks >= most:
+            break
         x, z = max(v + dv, 0.0), max(w + dw, 0.0)
         at = along(along(a, e, x), f, z)
-        there = gradient_at(tree, at, spare)
+        there = gradient_at(tree, at, spare, most - looks)
+        looks += there.looks
         fresh = there.distance < here.distance or -less <= _GAIN * here.distance
         if fresh:
             here, y, v, w = there, at, x, z
@@ -167,7 +179,7 @@ def nearest_of_triangle(tree, triangle, v, w, spare, rel_err, abs_err, limit):
             share = before / (before - after) if after > 0.0 else _LEAST
             share = min(max(share, _LEAST), _MOST)
             dv, dw = share * dv, share * dw
-    return here, y, v, w
+    return here, y, v, w, looks
 
 
 @kernel

@@ -240,6 +240,7 @@ def answer_queries(
                 known = 0 <= ta < len(labels_a) and 0 <= tb < len(labels_b)
                 progress.element_a, progress.element_b = ta if known else 0, tb if known else 0
                 progress.distance = np.inf if known else 0.0
+            progress.steps = steps
             code = begin(tree_a, tree_b, state, pose_a, pose_b, query)
             if code != CUT:
                 if turned:
