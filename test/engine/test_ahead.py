@@ -11,6 +11,7 @@ import time
 
 import numpy as np
 import pytest
+from engine_surfaces import patch
 from numba import typeof
 
 from proximity_monitor import engine
@@ -232,6 +233,13 @@ def test_two_processors_have_one_helper_which_hears_what_is_wanted(begun, tmp_pa
     ahead.want("mesh")
     ahead.begin(tmp_path / "a" / "b")
     assert [each.told() for each in begun] == [["mesh", "surface"]], "and no second one"
+
+
+def test_a_surface_is_wanted_before_its_first_question(monkeypatch):
+    monkeypatch.setattr(ahead, "_wanted", [])
+    made = engine.ParametricSurface([patch(1)])
+    assert ahead._wanted == ["surface"]
+    assert made._made is None, "nothing is built yet"
 
 
 def test_a_helper_that_has_ended_has_a_successor(begun, tmp_path):

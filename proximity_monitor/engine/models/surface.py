@@ -241,6 +241,7 @@ class ParametricSurface(Surface):
         deviation: float = 0.0,
         solid: bool | None = False,
     ) -> None:
+        ahead.want(self.kind)
         if isinstance(patches, Model) or not isinstance(patches, Iterable):
             raise ModelError(
                 f"{name}: patches: expected a list of Patch and Curve, got {type(patches).__name__}"
@@ -266,6 +267,7 @@ class ParametricSurface(Surface):
         Raises:
             ModelError: `solid` is True and the patches do not close up.
         """
+        ahead.want(cls.kind)
         made = cls.__new__(cls)
         Surface.__init__(made, nets, name, deviation, solid)
         return made
