@@ -20,7 +20,7 @@ import websockets.typing
 from viser.infra import _async_message_buffer, _infra
 
 from proximity_monitor.display.intake import Intake
-from proximity_monitor.display.smoothing import add_script
+from proximity_monitor.display.script import add_script
 
 _STILL = SimpleNamespace(perf_counter=lambda: 0.0)
 """The clock for the stamps of viser's messages; viser takes nothing else from `time` there.

@@ -1,4 +1,4 @@
-"""The scripts in the page's document, for which viser has no setting.
+"""The script in the page's document: what viser has no setting for.
 
 Without a graphics card, the page draws without smoothing edges. A browser without one draws on the
 processor, where antialiasing takes about half of a picture's time. viser always asks for
