@@ -88,7 +88,7 @@ def bounds(a, pose_a, b, pose_b, reach=EVERYTHING):
     """
     motions, single = np.zeros((2, 12)), np.empty(16, np.float32)
     relative_motions(pose_a, pose_b, *motions)
-    assert place(a._hierarchy.tree, 0, motions[1], b._hierarchy.tree, 0, 0.0, single)
+    assert place(a._hierarchy.tree, 0, (motions[1], motions[0]), b._hierarchy.tree, 0, 0.0, single)
     found = np.empty(WIDTH, np.float32)
     lower_bounds(b._hierarchy.tree.nodes, np.uint64(0), single, found, np.uint64(0))
     spheres = found.copy()
