@@ -76,8 +76,8 @@ def turn_axes(typingctx, nodes, base, back, out):
 
     `nodes` and `base` are as in tree/layout.py. `back` is the inverse of the motion that turns the
     axes: its rows are the columns of the rotation. The results are those of `rotated` and `cross`,
-    rounded to float32, but three coordinates are computed at once: on AVX2, an exact distance takes
-    7 % less time. Writes out[3:9] and out[11:14], and spoils out[9], out[10] and out[14].
+    rounded to float32, but three coordinates are computed at once: a search between meshes takes
+    about 5 % less time. Writes out[3:9] and out[11:14], and spoils out[9], out[10] and out[14].
     """
     if not (isinstance(out, types.Array) and out.dtype == types.float32):
         return None

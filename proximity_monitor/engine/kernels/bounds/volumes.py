@@ -134,9 +134,9 @@ def lows_along(nodes, base, x, y, z, lows):
 def place(fixed, lane, motions, tree, node, slack, out):
     """Move one lane of `fixed` into the frame of a node of `tree`, as `single` of `lower_bounds`.
 
-    `motion` holds the twelve numbers of the pose from fixed's model to tree's; `slack` bounds its
-    error, metres. Writes 15 float32 to `out` and returns True. Returns False if the volume is too
-    far away or too large for single precision (see `far_bound`).
+    `motions` are that from fixed's model to tree's and its inverse, twelve numbers each; `slack`
+    bounds their errors, metres. Writes 15 float32 to `out` and returns True. Returns False if the
+    volume is too far away or too large for single precision (see `far_bound`).
     """
     own = lane // WIDTH
     base = uint64(own * STRIDE + lane % WIDTH)
