@@ -196,7 +196,9 @@ def go_around(surface, mesh, state):
             cost += _keep_corner(surface, mesh, state, solid, motion, nearest, margin, room - cost)
             if bound >= progress.limit + 2.0 * progress.slack:
                 continue
-        if top + 2 > STACK or thick <= short or progress.bound_tests + looks > _LOOKS:
+        if least + 2.0 * thick < 0.0:
+            held = False  # the solid does not surround all corners, so halves prove nothing
+        elif top + 2 > STACK or thick <= short or progress.bound_tests + looks > _LOOKS:
             held = False
         elif i < 0:
             middle = low + share_at(rows, solid.curves[~i].degree, 0.5) * (high - low)
