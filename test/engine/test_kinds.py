@@ -119,9 +119,9 @@ def _slacks(tree_a, tree_b, apart, error):
 
 @implements_all(stubs.lane_bounds)
 @kernel
-def _lane_bounds(fixed, tree, lane, motion, node, slack, reach, inherited, scratch):
+def _lane_bounds(fixed, tree, lane, motions, node, slack, reach, inherited, scratch):
     centre, radius = sphere_of(fixed, lane)
-    centre = moved(motion, centre)
+    centre = moved(motions[0], centre)
     for k in range(WIDTH):
         scratch.found[k] = np.float32(1e30)
         if tree.children[node * WIDTH + k] != EMPTY:
