@@ -163,7 +163,7 @@ def draw_engine(page: Page, folder: Path) -> None:
     for percent in (5, 10, 15):
         for _ in range(10):
             slider.press("ArrowRight")
-        page.wait_for_selector(f"#pm-cost >> text={percent} %, ")
+        page.wait_for_selector(f"#pm-cost >> text={percent} % or ")
     play(page, False)
     tab(page, "Settings")
     settle(page)
