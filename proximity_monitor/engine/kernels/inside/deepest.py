@@ -132,7 +132,7 @@ def begin_deepest(models, memory, pose, pose_surface, rel_err, abs_err):
 
 @kernel
 def _keep(surface, element, state):
-    """Keep the trial point, which is on an element, if it is the deepest so far."""
+    """Keep the trial point, which is on an element, if it is the deepest; return its depth."""
     at, trial, best = state.at[0], state.trial[0], state.best[0]
     depth = certain_radius(trial, at.swept, at.slack)
     if depth > max(at.radius, at.joints):

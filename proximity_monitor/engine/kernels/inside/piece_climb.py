@@ -43,7 +43,10 @@ def forget_climbs(state):
 
 @kernel
 def offer(surface, element, state, depth):
-    """Make the trial point, which is on an element, the place to climb from, if it is deeper."""
+    """Make the trial point, which is on an element, the place to climb from if it is deeper.
+
+    Returns whether it is.
+    """
     trial, start = state.trial[0], state.probe[0]
     if not depth > start.depth[0]:
         return False

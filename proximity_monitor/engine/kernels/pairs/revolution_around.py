@@ -14,16 +14,15 @@ import numpy as np
 
 from ..base.jit import inlined, kernel
 from ..base.memory import on_stack, table_on_stack
-from ..base.rounding import DOUBLE_EPS
 from ..base.tables import has_profile, revolution_of
 from ..base.trees import NONE
 from ..base.vectors import dot, moved, norm
 from ..elements.primitives import corners, mixed
-from ..revolution.closest import nearest_in, share_at
+from ..revolution.closest import nearest_in
 from ..revolution.coaxial import circle_of, is_round
 from ..revolution.meridian import chord_of
 from ..revolution.reach import bulge, most_in
-from ..revolution.straight import STACK, put, sector_around
+from ..revolution.straight import PAIR_MARGIN, SHORT, STACK, put, put_parts, sector_around
 from ..surface.facing import vector
 from ..tree.layout import radius_of, row
 from .revolution_mesh import LOOK, frame_of, keep_nearest
@@ -37,9 +36,6 @@ and this share of the mesh's radius, along the way to the solid, which rounding 
 
 _LOOKS = 1 << 12
 """Most parts of a profile that are bounded."""
-
-_MARGIN, _SHORT = 512.0 * DOUBLE_EPS, 64.0 * DOUBLE_EPS
-"""See straight.py: the same shares, of the coordinates of the solid and of the mesh's corners."""
 
 
 @inlined
@@ -153,7 +149,7 @@ def go_around(surface, mesh, state):
             size, asked[k] = max(size, norm(p)), 0
             k += 1
     size += solid.frame[4, 0]
-    margin, short = _MARGIN * size, _SHORT * size
+    margin, short = PAIR_MARGIN * size, SHORT * size
     if progress.beside == 0:
         put(pairs, 0, -np.inf, 0, NONE, 0.0, 0.0, 0.0, 0.0)
         progress.beside = 1
@@ -200,22 +196,9 @@ def go_around(surface, mesh, state):
             held = False  # the solid does not surround all corners, so halves prove nothing
         elif top + 2 > STACK or thick <= short or progress.bound_tests + looks > _LOOKS:
             held = False
-        elif i < 0:
-            middle = low + share_at(rows, solid.curves[~i].degree, 0.5) * (high - low)
-            if not low < middle < high:
-                held = False
-            put(pairs, top, bound, i, NONE, low, middle, 0.0, 0.0)
-            put(pairs, top + 1, bound, i, NONE, middle, high, 0.0, 0.0)
-            top += 2
-        elif arcs[i].child != NONE:
-            child = np.int64(arcs[i].child)
-            put(pairs, top, bound, child, NONE, 0.0, 0.0, 0.0, 0.0)
-            put(pairs, top + 1, bound, child + 1, NONE, 0.0, 0.0, 0.0, 0.0)
-            top += 2
-        else:  # from here on, the part of the piece that the arc is around
-            whole = ~np.int64(arcs[i].curve)
-            put(pairs, top, bound, whole, NONE, arcs[i].low, arcs[i].high, 0.0, 0.0)
-            top += 1
+        else:
+            more = put_parts(solid, rows, pairs, top, bound, i, NONE, low, high, 0.0, 0.0)
+            held, top = more > 0, top + more
     progress.bound_tests += looks
     progress.beside = top if held else 0
     if top == 0 and held:

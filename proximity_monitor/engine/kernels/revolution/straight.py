@@ -30,7 +30,7 @@ FAR, NEARER, OPEN, CUT = 0, 1, 2, 3
 STACK = 512
 """Room for pairs that wait."""
 
-_MARGIN = 512.0 * DOUBLE_EPS
+PAIR_MARGIN = 512.0 * DOUBLE_EPS
 """What rounding may do to a bound, as a share of P, the length that errors of arcs are a share of,
 and of the segment's coordinates. Points of pieces err by 120 u P (see arcs.py), points of the
 segment by less than 16 u of its coordinates, distances and sums by less than 32 u of both."""
@@ -38,7 +38,7 @@ segment by less than 16 u of its coordinates, distances and sums by less than 32
 _SLOPE = 16.0 * DOUBLE_EPS
 """Error of a slope, as a share of the segment's coordinates, its length and its inverse rho."""
 
-_SHORT = 64.0 * DOUBLE_EPS
+SHORT = 64.0 * DOUBLE_EPS
 """What is below this share of P and the segment's coordinates is not worth another halving."""
 
 
@@ -160,6 +160,31 @@ def put(pairs, k, bound, i, t, low, high, s0, s1):
 
 
 @inlined
+def put_parts(tree, rows, pairs, top, bound, i, t, low, high, s0, s1):
+    """Put the halves of a pair's arc, or of its part of a piece, on top; return how many there are.
+
+    An arc without halves is replaced by the part of the piece that it is around. If rounding allows
+    no halves, nothing is put. `rows` holds the control points of the part, see `chord_of`; for the
+    rest see `put`.
+    """
+    if i < 0:
+        middle = low + share_at(rows, tree.curves[~i].degree, 0.5) * (high - low)
+        if not low < middle < high:
+            return 0
+        put(pairs, top, bound, i, t, low, middle, s0, s1)
+        put(pairs, top + 1, bound, i, t, middle, high, s0, s1)
+        return 2
+    arc = tree.arcs[i]
+    if arc.child == NONE:
+        put(pairs, top, bound, ~np.int64(arc.curve), t, arc.low, arc.high, s0, s1)
+        return 1
+    child = np.int64(arc.child)
+    put(pairs, top, bound, child, t, 0.0, 0.0, s0, s1)
+    put(pairs, top + 1, bound, child + 1, t, 0.0, 0.0, s0, s1)
+    return 2
+
+
+@inlined
 def foot_on_axis(p, h):
     """Return where p + s h is nearest to the axis, 0 <= s <= 1: rho grows on either side."""
     square = h[0] * h[0] + h[1] * h[1]
@@ -193,7 +218,7 @@ def segment_beside(tree, p, h, limit, pairs, top, room):
     """
     arcs, rows = tree.arcs, table_on_stack(16, 3, 0.0)
     size = norm(p) + norm(h) + tree.frame[4, 0]
-    margin, short = _MARGIN * size, _SHORT * size
+    margin, short = PAIR_MARGIN * size, SHORT * size
     foot = foot_on_axis(p, h)
     x, y = p[0] + foot * h[0], p[1] + foot * h[1]
     off = np.sqrt(x * x + y * y) + 16.0 * DOUBLE_EPS * size
@@ -245,20 +270,11 @@ def segment_beside(tree, p, h, limit, pairs, top, room):
             middle = 0.5 * (s0 + s1)
             put(pairs, top, bound, i, t, low, high, s0, middle)
             put(pairs, top + 1, bound, i, t, low, high, middle, s1)
-        elif i < 0:
-            middle = low + share_at(rows, tree.curves[~i].degree, 0.5) * (high - low)
-            if not low < middle < high:
-                pair.bound = bound
-                return OPEN, s, top + 1, looks
-            put(pairs, top, bound, i, t, low, middle, s0, s1)
-            put(pairs, top + 1, bound, i, t, middle, high, s0, s1)
-        elif arcs[i].child != NONE:
-            child = np.int64(arcs[i].child)
-            put(pairs, top, bound, child, t, 0.0, 0.0, s0, s1)
-            put(pairs, top + 1, bound, child + 1, t, 0.0, 0.0, s0, s1)
-        else:  # from here on, the part of the piece that the arc is around
-            whole = ~np.int64(arcs[i].curve)
-            put(pairs, top, bound, whole, t, arcs[i].low, arcs[i].high, s0, s1)
-            top -= 1
-        top += 2
+            top += 2
+            continue
+        added = put_parts(tree, rows, pairs, top, bound, i, t, low, high, s0, s1)
+        if added == 0:
+            pair.bound = bound
+            return OPEN, s, top + 1, looks
+        top += added
     return FAR, 0.0, top, looks
