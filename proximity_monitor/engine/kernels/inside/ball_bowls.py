@@ -48,6 +48,7 @@ from .ball_caps import (
     cap_gaps,
     leaf_steps,
 )
+from .ball_frame import in_search_frame
 from .ball_newton import foot_bend, frame_between, principal
 from .visit import ROOM, at_root, descend
 from .winding import ray_steps, winding_number
@@ -179,7 +180,7 @@ def _bowls(tree_a, tree_b, region_a, region_b, state, centre, half, limit, spare
     if not room > 0.0 or not steepest < _STEEPEST:
         return False, 1
     # How far the cell reaches perpendicular to n (`aside`), and how high cell and bowls reach.
-    yn = (along_axis(at.axes, 0, n), along_axis(at.axes, 1, n), along_axis(at.axes, 2, n))
+    yn = in_search_frame(at.axes, n)
     aside = beside(yn, half) * (1.0 + 1e-12)
     high = abs(yn[0]) * half[0] + abs(yn[1]) * half[1] + abs(yn[2]) * half[2]
     clear, bent = CLEAR * slack + 2.0 * at.joints, max(abs(k1), abs(k2))

@@ -53,6 +53,7 @@ from ..tree.layout import (
 )
 from . import visit
 from .angles import is_outside
+from .ball_frame import in_search_frame
 from .nearest import point_triangle
 from .solids import HALF, WHOLE
 from .visit import BEYOND, ROOM, at_root, descend
@@ -222,8 +223,7 @@ def _one_way(tree, region, motion, k, at, point, way, centre, half, spare, most,
     # x is about the point of the surface nearest to `point`.
     x, n = along((point.place[0], point.place[1], point.place[2]), way, -low), scaled(way, -1.0)
     axes = at.axes
-    yn = (along_axis(axes, 0, n), along_axis(axes, 1, n), along_axis(axes, 2, n))
-    yo = (along_axis(axes, 0, x), along_axis(axes, 1, x), along_axis(axes, 2, x))
+    yn, yo = in_search_frame(axes, n), in_search_frame(axes, x)
     offset = sub((centre[0], centre[1], centre[2]), yo)
     height, steps = cap_over(
         tree, region, motion, k, at, point.side[k], x, n, -low, -low, yn, offset, half, spare, most,

@@ -43,6 +43,41 @@ def in_a_frame(axes, v):
 
 
 @kernel
+def in_search_frame(axes, v):
+    """Convert a vector of a's frame to the search's frame: undoes `in_a_frame`."""
+    return (dot(_axis(axes, 0), v), dot(_axis(axes, 1), v), dot(_axis(axes, 2), v))
+
+
+@kernel
+def _perpendicular(v, first):
+    """Return the unit vector along the part of v that is perpendicular to `first`, or zero."""
+    second = unit(along(v, first, -dot(v, first)))
+    return unit(along(second, first, -dot(second, first)))
+
+
+@kernel
+def _set_axes(axes, first, second):
+    third = cross(first, second)
+    for j in range(3):
+        axes[0, j], axes[1, j], axes[2, j] = first[j], second[j], third[j]
+
+
+@kernel
+def take_plane(axes, u, v):
+    """Set the first axis along u, and the second in the plane of u and v; return their number.
+
+    The number is 1 if the two do not span a plane. Then the second axis is any.
+    """
+    take_axes(axes, u)
+    first = _axis(axes, 0)
+    second = _perpendicular(v, first)
+    if not dot(second, second) > 0.5:
+        return 1
+    _set_axes(axes, first, second)
+    return 2
+
+
+@kernel
 def take_axes(axes, way):
     """Set the first axis to the direction of `way`, and the others perpendicular to it."""
     first = unit(way)
@@ -51,11 +86,7 @@ def take_axes(axes, way):
     other = (0.0, 1.0, 0.0)
     if abs(first[1]) > min(abs(first[0]), abs(first[2])):
         other = (1.0, 0.0, 0.0) if abs(first[0]) < abs(first[2]) else (0.0, 0.0, 1.0)
-    second = unit(along(other, first, -dot(other, first)))
-    second = unit(along(second, first, -dot(second, first)))
-    third = cross(first, second)
-    for j in range(3):
-        axes[0, j], axes[1, j], axes[2, j] = first[j], second[j], third[j]
+    _set_axes(axes, first, _perpendicular(other, first))
 
 
 @kernel

@@ -33,12 +33,13 @@ from ..tree.layout import (
 )
 from .ball_cells import pop, radius_limit
 from .ball_feet import write_foot, write_point, write_surface
+from .ball_frame import take_plane
 from .ball_point import certain_radius, continue_depth, place_of, possible_depth
 from .ball_state import CELL_CENTRE, CLIMB, FULL, IDLE, OF_PIECES, ball_at
 from .feet import facet_of
 from .nearest import point_triangle
 from .piece_climb import climb, end_step, forget_climbs, is_time_to_climb, offer
-from .piece_planes import bound_by_planes, set_axes
+from .piece_planes import bound_by_planes
 from .piece_rows import HULL, ROWS
 from .pieces import (
     WHOLE,
@@ -220,7 +221,7 @@ def _by_planes(tree, region, surface, parts, state, piece, u, v, bound):
     for i in range(piece.count):
         for j in range(4):
             rows[i, j] = piece.rows[i, j]
-    spans = set_axes(at.axes, u, v)
+    spans = take_plane(at.axes, u, v)
     return bound_by_planes(
         tree, region, state, rows, piece.count, hull, points, margin, spans, bound
     )

@@ -11,12 +11,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..base.jit import inlined, kernel, shared
+from ..base.jit import kernel, shared
 from ..base.memory import on_stack, table_on_stack
-from ..base.vectors import add, along, cross, dot, moved, norm, scaled, sub, turned_back, unit
+from ..base.vectors import add, along, dot, moved, norm, scaled, sub, turned_back, unit
 from .ball_caps import PLANE, cap_over
 from .ball_cells import radius_limit
-from .ball_frame import take_axes
+from .ball_frame import in_search_frame
 from .feet import foot_of, normal_at
 from .piece_rows import HULL, LINES, ROWS, bound_by, leave_rows
 
@@ -29,33 +29,6 @@ many times the error of the distance. An inexact foot may lie far aside."""
 
 _PARALLEL = 0.7
 """Least product of the normals of a piece and of the solid for a plane parallel to the piece."""
-
-
-@kernel
-def set_axes(axes, u, v):
-    """Set the first axis along u, and the second in the plane of u and v; return their number.
-
-    The number is 1 if the two do not span a plane.
-    """
-    take_axes(axes, u)
-    first = (axes[0, 0], axes[0, 1], axes[0, 2])
-    second = unit(along(v, first, -dot(v, first)))
-    second = unit(along(second, first, -dot(second, first)))
-    if not dot(second, second) > 0.5:
-        return 1
-    third = cross(first, second)
-    for i in range(3):
-        axes[1, i], axes[2, i] = second[i], third[i]
-    return 2
-
-
-@inlined
-def _into(axes, v):
-    return (
-        axes[0, 0] * v[0] + axes[0, 1] * v[1] + axes[0, 2] * v[2],
-        axes[1, 0] * v[0] + axes[1, 1] * v[1] + axes[1, 2] * v[2],
-        axes[2, 0] * v[0] + axes[2, 1] * v[1] + axes[2, 2] * v[2],
-    )
 
 
 @kernel
@@ -86,10 +59,10 @@ def _row_over(tree, region, state, x, n, centre, half, spare, most, row):
     """
     at, trial, axes = state.at[0], state.trial[0], state.at[0].axes
     way = sub((trial.place[0], trial.place[1], trial.place[2]), x)
+    offset = sub((centre[0], centre[1], centre[2]), in_search_frame(axes, x))
     height, steps = cap_over(
         tree, region, state.motions[0], 0, at, trial.side[0], x, n, dot(n, way), norm(way),
-        _into(axes, n), sub((centre[0], centre[1], centre[2]), _into(axes, x)), half, spare, most,
-        state.stack,
+        in_search_frame(axes, n), offset, half, spare, most, state.stack,
     )  # fmt: skip
     if height == np.inf:
         return False, steps
@@ -135,10 +108,10 @@ def bound_by_planes(tree, region, state, rows, count, hull, points, margin, span
     middle = (trial.place[0], trial.place[1], trial.place[2])
     centre, half = on_stack(3, 0.0), on_stack(3, 0.0)
     values, used = table_on_stack(LINES, HULL, 0.0), on_stack(ROWS, np.int64(0))
-    centre[0], centre[1], centre[2] = _into(axes, middle)
+    centre[0], centre[1], centre[2] = in_search_frame(axes, middle)
     half[0] = half[1] = half[2] = 0.0
     for k in range(points):
-        corner = _into(axes, sub((hull[k, 0], hull[k, 1], hull[k, 2]), middle))
+        corner = in_search_frame(axes, sub((hull[k, 0], hull[k, 1], hull[k, 2]), middle))
         for j in range(3):
             half[j] = max(half[j], abs(corner[j]) + margin)
     x, n = _foot_and_normal(tree, state)

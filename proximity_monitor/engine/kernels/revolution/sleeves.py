@@ -53,6 +53,7 @@ from ..base.vectors import along, cross, dot, moved, norm, scaled, sub, turned_b
 from ..elements.errors import joints_err
 from ..inside.ball_bowls import PART
 from ..inside.ball_caps import CLEAR, PLANE, along_axis, beside
+from ..inside.ball_frame import in_search_frame
 from ..inside.ball_point import place_of
 from .cap import height_in_plane
 from .coaxial import ALIKE
@@ -83,7 +84,7 @@ def _seen(tree, motion, centre, half, axes):
     """Return the cell around a point of a's frame as it is Seen from a solid."""
     place = place_in(tree, moved(motion, centre), (1.0, 0.0, 0.0))
     u, axis = turned_back(motion, place.across), turned_back(motion, axis_of(tree))
-    z = (along_axis(axes, 0, axis), along_axis(axes, 1, axis), along_axis(axes, 2, axis))
+    z = in_search_frame(axes, axis)
     far = abs(z[0]) * half[0] + abs(z[1]) * half[1] + abs(z[2]) * half[2]
     across = beside(z, half)
     return Seen(place, u, axis, across * (1.0 + 1e-12), far * (1.0 + 1e-12))
