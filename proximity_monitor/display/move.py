@@ -136,7 +136,6 @@ class Move:
         parent = None if name is None else news.scene.held.get(name)
         free = self._may(name)
         self._attaching.show(news)
-        self._gizmo.visible = pose is not None and free and not self._hidden
         self._apply.disabled = not free
         self._reset.disabled = name not in own or not free
         self._release.disabled = name not in own and other is None
@@ -148,6 +147,8 @@ class Move:
             self._gizmo.position, self._gizmo.wxyz = at[:3] * self._parts.scale, at[3:]
             if (self._rests(name, pose) or name in own or not live) and not self._edited:
                 self._tell(pose)
+        # Last, so that no browser shows the handles where they were before.
+        self._gizmo.visible = pose is not None and free and not self._hidden
         self._now.content = self._where(name, pose)
 
     def hide(self, hidden: bool) -> None:

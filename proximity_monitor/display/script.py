@@ -30,6 +30,21 @@ if (!new URLSearchParams(location.search).has('smooth')) {
   }
 }
 addEventListener('submit', () => document.activeElement?.blur());
+addEventListener('pointerdown', () => {
+  const {nodePoseData, nodeRefFromName} = window.__viserMutable ?? {};
+  const handles = nodeRefFromName?.['/gizmo'];
+  if (!handles || nodePoseData['/gizmo']?.poseUpdateState !== 'needsUpdate') return;
+  const at = layer => handles.traverse(each => { each.layers.mask = layer; });
+  at(0);  // presses find nothing in no layer
+  requestAnimationFrame(() => at(1));
+}, true);
+let seen;  // the highlighted pair when the list was last drawn
+new MutationObserver(() => {
+  if (!document.querySelector('#pm-pairs')) return;
+  const row = document.querySelector('#pm-pairs .pm-chosen');
+  if (row?.dataset.pair !== seen) row?.scrollIntoView({block: 'nearest'});
+  seen = row?.dataset.pair;
+}).observe(document, {childList: true, subtree: true});
 </script>
 """
 _HEAD = b"<head>\n"

@@ -22,6 +22,7 @@ from page_hand import (
     enter,
     field,
     lines_of,
+    listed,
     opened,
     press,
     row,
@@ -90,6 +91,12 @@ def test_the_buttons_for_the_gap_are_seen_at_once_and_the_margin_is_told(page, w
     page.wait_for_selector("text=Group by")
     for name in ("Section through it", "Zoom to the gap", "Whole scene"):
         assert button(page, name).evaluate(SEEN), name
+    page.evaluate("() => document.activeElement.blur()")  # keys are not for a field
+    for _ in range(len(listed(page)) - 1):  # the list is below the folders, and partly out of view
+        before = page.locator(CHOSEN).get_attribute("data-pair")
+        page.keyboard.press("n")
+        wait(lambda b=before: page.locator(CHOSEN).get_attribute("data-pair") != b, "a key's pair")
+        wait(lambda: page.locator(CHOSEN).evaluate(SEEN), "the pair's row to be in view")
     for folder in ("Status of the pair", "Filter and group"):
         page.get_by_text(folder, exact=True).dispatch_event("click")
     press(page, CHOSEN)
