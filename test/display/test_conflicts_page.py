@@ -232,7 +232,7 @@ def test_a_press_on_a_conflict_brings_back_the_camera_of_who_decided(page, near,
 
 
 def test_a_decision_is_in_the_file_and_on_the_page_of_the_next_display(
-    page, display, start_display, scene_file, wait, browser
+    page, display, start_display, scene_file, wait, eventually, browser
 ):
     highlighted(page)
     note = decide(page, wait, "accepted", "hält Abstand 间隙")
@@ -240,10 +240,15 @@ def test_a_decision_is_in_the_file_and_on_the_page_of_the_next_display(
     wait(lambda: told in note.inner_text(), "the decision in the panel")
     wait(lambda: told in row(page, PAIR)[2], "the decision in the list")
     wait(lambda: "kept in" in page.inner_text("#pm-kept"), "that it is written")
-    kept = json.loads((scene_file.parent / "cell.conflicts.json").read_text(encoding="utf-8"))
-    (entry,) = kept["conflicts"]
-    assert (entry["a"], entry["b"], entry["status"]) == ("table", "ball", "accepted")
-    assert entry["upper_m"] == pytest.approx(0.2)
+
+    def kept():
+        """Check the file. A display that is busy writes it some time after the page tells."""
+        text = (scene_file.parent / "cell.conflicts.json").read_text(encoding="utf-8")
+        (entry,) = json.loads(text)["conflicts"]
+        assert (entry["a"], entry["b"], entry["status"]) == ("table", "ball", "accepted")
+        assert entry["upper_m"] == pytest.approx(0.2)
+
+    eventually(kept)
     display[0].stop(signal.SIGKILL)
     _, address = start_display(0)
     next_page = opened(browser, address)
