@@ -10,6 +10,8 @@ from .kernels.base.motion import pose_deviation
 from .kernels.base.rounding import LARGEST_COORDINATE, RIGID_TOLERANCE
 
 _FLOAT64 = np.dtype(np.float64)
+_SHAPE = (4, 4)
+_Array = np.ndarray
 
 
 def as_pose(pose: ArrayLike, name: str) -> NDArray[np.float64]:
@@ -20,11 +22,15 @@ def as_pose(pose: ArrayLike, name: str) -> NDArray[np.float64]:
     Raises:
         ValueError: the elements are no real numbers, or the shape is another one.
     """
-    if type(pose) is np.ndarray and pose.dtype is _FLOAT64 and pose.flags.carray:
-        array = pose
-    else:
-        array = as_reals(pose, name, "a matrix of numbers")
-    if array.shape != (4, 4):
+    if (
+        type(pose) is _Array
+        and pose.dtype is _FLOAT64
+        and pose.shape == _SHAPE
+        and pose.flags.carray
+    ):
+        return pose
+    array = as_reals(pose, name, "a matrix of numbers")
+    if array.shape != _SHAPE:
         raise ValueError(f"{name}: shape {array.shape}, expected a (4, 4) homogeneous matrix")
     return array
 

@@ -50,7 +50,7 @@ class Memory:
         kind: all that the sizes of the arrays depend on.
     """
 
-    __slots__ = ("_blank", "_bytes", "kind", "size")
+    __slots__ = ("_records", "kind", "size")
 
     kind: Hashable
     size: int
@@ -62,12 +62,12 @@ class Memory:
     def _keep(self, arrays: tuple[NDArray, ...], *records: NDArray) -> None:
         """Count the bytes of the arrays. Let each search begin with the records as they are now."""
         self.size = sum(each.nbytes for each in arrays)
-        self._bytes = [memoryview(each.reshape(-1).view(np.uint8)) for each in records]
-        self._blank = [bytes(each) for each in self._bytes]
+        views = [memoryview(each.reshape(-1).view(np.uint8)) for each in records]
+        self._records = [(view, bytes(view)) for view in views]
 
     def clear(self) -> None:
         """Restore the first state, as far as a search depends on it."""
-        for found, blank in zip(self._bytes, self._blank, strict=True):
+        for found, blank in self._records:
             found[:] = blank
 
 

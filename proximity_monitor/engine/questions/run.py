@@ -11,31 +11,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.base import state as index
+from ..kernels.base.state import ANSWER, COLLECTED_FULL, CUT, CUT_BETWEEN, ENDED
 from ..kernels.base.tables import state_table
-from ..kernels.pairs.entries import ENTRIES, is_turned
-from ..models.hierarchy import Hierarchy
 from ..models.model import Model
 from ..poses import check_pose
 from .memory import give_back, take
-from .search_memory import Order, SearchKind, SearchMemory
-from .slices import slices_until
-
-_ORDERS = {
-    "depth_first": index.DepthFirst,
-    "priority": index.Priority,
-    "breadth_first": index.BreadthFirst,
-}
+from .plan import ORDERS, code_of, plan_of
+from .search_memory import Order, SearchMemory
+from .slices import ENDLESS, Slices, slices_until
 
 _BLOCK = 4096
 """Rows of a block of collected pairs. A full block is set aside and never copied again, so a slice
 does not take longer when many pairs have been collected."""
 
 _NO_ANSWER = np.empty(0)
-
-
-def entry_for(a: Hierarchy, b: Hierarchy, order: Order = "depth_first") -> Callable:
-    """Return the compiled entry that answers queries about models with these hierarchies."""
-    return ENTRIES[a.tree_kind, b.tree_kind][_ORDERS[order]]
+_empty = np.empty
 
 
 def check_model(model: Model, name: str) -> Model:
@@ -44,7 +34,8 @@ def check_model(model: Model, name: str) -> Model:
     Raises:
         TypeError: it is something else.
     """
-    if not isinstance(model, Model):
+    # Asking an abstract class takes as long as a question to two boxes; mostly it is not needed.
+    if Model not in type(model).__mro__ and not isinstance(model, Model):
         raise TypeError(
             f"{name}: expected a model (TriangleMesh, or what load, points or polyline return), "
             f"got {'None' if model is None else type(model).__name__}"
@@ -118,8 +109,8 @@ class Search:
     """
 
     __slots__ = (
-        "_blocks", "_collecting", "_elements", "_entry", "_known", "_own", "_turned", "_wanted",
-        "answer", "kinds", "memory", "models", "order", "progress", "state",
+        "_blocks", "_code", "_collecting", "_elements", "_entry", "_known", "_own", "_turned",
+        "_wanted", "answer", "kinds", "memory", "models", "order", "progress", "state",
     )  # fmt: skip
 
     def __init__(
@@ -131,19 +122,15 @@ class Search:
         nearest: tuple[int, int] = (0, 0),
         among: Sequence[Model] = (),
     ) -> None:
-        if order not in _ORDERS:
-            raise ValueError(f"order = {order!r}: must be one of {', '.join(map(repr, _ORDERS))}")
+        if order not in ORDERS:
+            raise ValueError(f"order = {order!r}: must be one of {', '.join(map(repr, ORDERS))}")
         self.models = a, b
         self.kinds = type(a), type(b)
         self.order = order
-        first, second = a._hierarchy, b._hierarchy
-        self._entry = entry_for(first, second, order)
-        # To list or compare elements, this entry treats solids of revolution as their patches.
-        trees = type(first.tree), type(second.tree)
-        self._elements = ENTRIES[trees][_ORDERS[order]]
-        self._turned = is_turned(*trees)
-        in_turn = (second, first) if self._turned else (first, second)
-        self._own = own = take(SearchMemory, SearchKind.of(*in_turn, order, coherent, among))
+        plan = plan_of(a._hierarchy.outline, b._hierarchy.outline, order, coherent, among)
+        self._entry, self._elements, self._turned, kind = plan
+        self._code: Callable | None = None  # of the entry that the next run calls, if known
+        self._own = own = take(SearchMemory, kind)
         self._wanted: tuple[float, ...] = ()  # the numbers of its query
         self._known: tuple[NDArray[np.int64] | None, ...] = (None, None)
         self.progress, self.state, self.memory = own.progress, own.state, own.table
@@ -224,59 +211,73 @@ class Search:
         a, b = self.models
         a, b = a._hierarchy, b._hierarchy
         if collect:
-            stop = -math.inf
-        tables = (a.table_of_all, b.table_of_all) if collect else (a.table, b.table)
-        known = self._known
-        if tables[0] is not known[0] or tables[1] is not known[1]:  # a model was deformed
-            models = self._own.models
-            models[0], models[1] = self._known = tables
-        collected = self._collecting
-        if collect != collected and not (a.distinct is a.tree and b.distinct is b.tree):
-            self.state.far["key"] = index.NO_KEY  # the remembered pairs are of the other tree
-        if collect != collected:
-            self._collecting = collect
-            self._keep(self.state._replace(collected=np.empty((_BLOCK if collect else 0, 3))))
+            stop, table_a, table_b = -math.inf, a.table_of_all, b.table_of_all
+        else:
+            table_a, table_b = a.table, b.table
+        own, (known_a, known_b) = self._own, self._known
+        if table_a is not known_a or table_b is not known_b:  # a model was deformed
+            models = own.models
+            models[0], models[1] = self._known = table_a, table_b
+        if collect != self._collecting:
+            self._begin_to_collect(collect)
         if fresh:
             self._blocks = []
-        if fresh and self.order == "breadth_first":
-            pairs, bounds, *_ = self.state.open
-            corners = self._as_asked(a.spread_corners(), b.spread_corners())
-            open_pairs = index.BreadthFirst(pairs, bounds, *corners)
-            self._keep(self.state._replace(open=open_pairs))
+            if self.order == "breadth_first":
+                self._take_corners()
         count = len(poses_a) // 4
         # Make no view of a single row: each view takes a tenth of a microsecond.
-        self.answer = flat = np.empty(index.ANSWER) if answers is None else answers.ravel()
-        own, entry = self._own, self._elements if collect else self._entry
+        self.answer = flat = _empty(ANSWER) if answers is None else answers.ravel()
         wanted = rel_err, abs_err, stop, limit, param_err
         if wanted != self._wanted:
             numbers = own.numbers
             numbers[0], numbers[1], numbers[2], numbers[3], numbers[4] = wanted
             self._wanted = wanted
+        call = self._code
+        if call is None:
+            call = self._code = code_of(self._elements if collect else self._entry)
         row = 0
         # Search at least one slice, so that repeated calls come to an end.
-        slices = slices_until(deadline)
+        slices = ENDLESS if deadline is None else Slices(deadline)
         while True:
-            code, row = entry(
+            code, row = call(
                 own.models, self.memory, poses_a, poses_b, own.queries, row, count, 1, slices.steps,
                 fresh, flat,
             )  # fmt: skip
-            if code == index.ENDED:
+            if code == ENDED:
                 return code
-            if code == index.COLLECTED_FULL:
+            if code == COLLECTED_FULL:
                 self._make_room()
-                code = index.CUT
-            if code not in (index.CUT, index.CUT_BETWEEN):
+                code = CUT
+            if code not in (CUT, CUT_BETWEEN):
                 break
             if slices.over():
                 break
             if stopped is not None and stopped.is_set():
                 break
-            fresh = code == index.CUT_BETWEEN
+            fresh = code == CUT_BETWEEN
         if code in (index.BAD_POSE_A, index.BAD_POSE_B):
             letter, poses = ("a", poses_a) if code == index.BAD_POSE_A else ("b", poses_b)
             name = f"pose_{letter}" if first is None else f"poses_{letter}[{first + row}]"
             check_pose(poses[4 * row : 4 * row + 4], name)
         return code
+
+    def _begin_to_collect(self, collect: bool) -> None:
+        """Make room for collected pairs, or none; both kinds of searches may be about other trees.
+
+        Their remembered volumes and their entries differ, too.
+        """
+        a, b = (model._hierarchy for model in self.models)
+        if not (a.distinct is a.tree and b.distinct is b.tree):
+            self.state.far["key"] = index.NO_KEY  # the remembered pairs are of the other tree
+        self._collecting, self._code = collect, None
+        self._keep(self.state._replace(collected=np.empty((_BLOCK if collect else 0, 3))))
+
+    def _take_corners(self) -> None:
+        """Give a search level by level the vertices that it keeps of each node."""
+        a, b = (model._hierarchy for model in self.models)
+        pairs, bounds, *_ = self.state.open
+        corners = self._as_asked(a.spread_corners(), b.spread_corners())
+        self._keep(self.state._replace(open=index.BreadthFirst(pairs, bounds, *corners)))
 
     def run_queries(
         self,
@@ -299,20 +300,12 @@ class Search:
         models[0], models[1] = self._known = a._hierarchy.table_of_all, b._hierarchy.table_of_all
         slices = slices_until(deadline)
         flat = answers.ravel()
+        call = code_of(self._elements)
         while True:
-            code, row = self._elements(
-                models,
-                self.memory,
-                pose_a,
-                pose_b,
-                queries,
-                row,
-                count,
-                1,
-                slices.steps,
-                fresh,
+            code, row = call(
+                models, self.memory, pose_a, pose_b, queries, row, count, 1, slices.steps, fresh,
                 flat,
-            )
+            )  # fmt: skip
             if code == index.ENDED or slices.over():
                 return code, row
             fresh = code == index.CUT_BETWEEN

@@ -92,6 +92,10 @@ def cells_for(wanted: CellRoom | None) -> tuple[NDArray, NDArray[np.float64], ND
     return room(cells, CELL), room(cells * width), room(whole, np.int32)
 
 
+Outline = tuple[type, type, int, int, int]
+"""See `Hierarchy.outline`."""
+
+
 class SearchKind(NamedTuple):
     """All that the array sizes of a search depend on."""
 
@@ -108,15 +112,12 @@ class SearchKind(NamedTuple):
 
     @classmethod
     def of(
-        cls,
-        first: Hierarchy,
-        second: Hierarchy,
-        order: Order,
-        coherent: bool,
-        among: Iterable[Model],
+        cls, first: Outline, second: Outline, order: Order, coherent: bool, among: Iterable[Model]
     ) -> SearchKind:
-        """Return the kind of a search over two models, or over any two of `among`."""
-        levels = -(-(first.depth + second.depth) // _LEVELS) * _LEVELS
+        """Return the kind of a search over two models by outline, or over any two of `among`."""
+        kind_a, _, depth_a, width_a, count_a = first
+        kind_b, _, depth_b, width_b, count_b = second
+        levels = -(-(depth_a + depth_b) // _LEVELS) * _LEVELS
         # Opening a volume replaces one pair by at most sixteen, once for each level of either
         # model. A priority queue that is full leaves all its pairs below, too.
         pairs = 1 + levels * (15 if order == "depth_first" else 15 + QUEUE)
@@ -126,11 +127,9 @@ class SearchKind(NamedTuple):
             either = CellRoom.of([model._hierarchy for model in among])
             rings = any(model._hierarchy.tree_kind is RevolutionTree for model in among)
             return cls(order, coherent, levels, pairs, either, either, rings)
-        # The same as `CellRoom.of`, which would take a microsecond.
-        width_a, width_b = first.cell_width, second.cell_width
-        cells_a = _room(width_a, len(first.numbers), _CELLS) if width_a else None
-        cells_b = _room(width_b, len(second.numbers), _CELLS) if width_b else None
-        rings = first.tree_kind is RevolutionTree and second.tree_kind is RevolutionTree
+        cells_a = _room(width_a, count_a, _CELLS) if width_a else None
+        cells_b = _room(width_b, count_b, _CELLS) if width_b else None
+        rings = kind_a is RevolutionTree and kind_b is RevolutionTree
         return cls(order, coherent, levels, pairs, cells_a, cells_b, rings)
 
 
@@ -160,7 +159,10 @@ class SearchMemory(Memory):
         self.numbers = memoryview(self.query.view(np.float64))[-5:]
         self.models = np.empty((2, MODEL_ROWS, 2), np.int64)
         order, coherent, levels, capacity, *cells, rings = kind
-        record = np.zeros(1, index.PROGRESS)
+        # All that is not blank after a search, in one piece, which is cleared in one go.
+        used = np.zeros(index.PROGRESS.itemsize + 2 * 12 * 8, np.uint8)
+        record = used[: index.PROGRESS.itemsize].view(index.PROGRESS)
+        motions = used[index.PROGRESS.itemsize :].view(np.float64).reshape(2, 12)
         # A list of levels counts as full while a search depth first still fits (search/levels.py).
         record["full"] = capacity - 15 * levels - 16
         self.progress = record[0]
@@ -183,16 +185,17 @@ class SearchMemory(Memory):
                 *waiting, room(_RINGS, RING), room(_RINGS, np.int32), room(_ARCS, ARC),
                 room(_ARCS, ARC), room(MINIMA, MINIMUM), room(2 * FRONT, RING),
             )  # fmt: skip
-        motions, far = np.zeros((2, 12)), np.zeros(_COHERENT if coherent else 0, FAR)
+        far = np.zeros(_COHERENT if coherent else 0, FAR)
         far["key"] = NO_KEY
         self.state = index.State(motions, record, open_pairs, waiting, np.empty((0, 3)), far)
         self.table = state_table(self.state)
-        self._keep((*open_pairs, *waiting, far), record, motions)
+        self._keep((*open_pairs, *waiting, far), used)
 
     def clear(self) -> None:
         """Restore the first state, as `Memory.clear` does, and forget what was too far."""
         super().clear()
-        self.state.far["key"] = NO_KEY
+        if self.kind.coherent:
+            self.state.far["key"] = NO_KEY
 
     def begin_at(self, nearest: tuple[int, int]) -> None:
         """Let the first search begin at two elements, in tree order."""

@@ -27,7 +27,8 @@ def _prepare(waiting, tree_a, tree_b, state):
 @implements(stubs.settle, Turning)
 @kernel
 def _settle(waiting, tree_a, tree_b, state):
-    measure_again(tree_a, tree_b, state)
+    if state.progress[0].minima == 0:  # else a minimum was looked for already
+        measure_again(tree_a, tree_b, state)
 
 
 @implements(stubs.guess, RevolutionTree, RevolutionTree)

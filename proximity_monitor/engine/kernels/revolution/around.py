@@ -29,7 +29,7 @@ from .bounded import (
     prove,
 )
 from .front import forget_front, has_front, keep_ring
-from .reach import arc_at, reach_of
+from .reach import arc_at, coarse_of, reach_of
 from .tube import are_tubes, least_beside_tube
 
 _NEAR = 0.1
@@ -67,7 +67,10 @@ def part_around(tree_a, tree_b, state, motion, minimum):
     n, e = direction_kept(progress)
     fine, lost = fineness(progress), progress.slack + progress.bound_slack
     whole = sector_of(angle, math.pi)
-    begin = begin_of(tree_b, own_b, 0, fine, whole, motion, n, e, np.inf) - lost
+    # If b begins beyond this, all of a is farther than the limit: see `gap_along`.
+    wanted = coarse_of(tree_a, own_a, 0, n[0], n[1])
+    wanted += lost + beyond(progress) + progress.bound_slack
+    begin = begin_of(tree_b, own_b, 0, fine, whole, motion, n, e, wanted) - lost
     floor = begin - beyond(progress)
     least = begin - reach_of(tree_a, own_a, 0, fine, n[0], n[1], floor)
     progress.bound_tests += 1

@@ -16,7 +16,7 @@ from .coaxial import ALIKE, between_circles, facing_about_axis, in_ball
 from .front import FRONT, keep_ring
 from .heap import add_ring
 from .minima import find_minimum, measure_rings
-from .reach import arc_at, bulge, reach_of
+from .reach import arc_at, bulge, coarse_of, reach_of
 
 MINIMUM_STEPS = 6
 """Steps of a search that a search for one local minimum counts as."""
@@ -69,10 +69,13 @@ def gap_along(tree_a, tree_b, state, a, b, sector, motion, n, e, fine):
     If the gap is beyond the limit, the result may be any value beyond the limit, up to the gap.
     """
     progress, waiting = state.progress[0], state.waiting
-    reach = reach_of(tree_a, waiting.arcs_a, a, fine, n[0], n[1], -np.inf)
-    reach += progress.slack + progress.bound_slack
-    wanted = reach + beyond(progress)
-    return begin_of(tree_b, waiting.arcs_b, b, fine, sector, motion, n, e, wanted) - reach
+    # The coarse reach of a often suffices. If not, b begins before `wanted`, so that `begin` is as
+    # good as it can be. The second slack makes up for rounding.
+    enough = progress.slack + progress.bound_slack + beyond(progress)
+    wanted = coarse_of(tree_a, waiting.arcs_a, a, n[0], n[1]) + (enough + progress.bound_slack)
+    begin = begin_of(tree_b, waiting.arcs_b, b, fine, sector, motion, n, e, wanted)
+    reach = reach_of(tree_a, waiting.arcs_a, a, fine, n[0], n[1], begin - enough)
+    return begin - (reach + progress.slack + progress.bound_slack)
 
 
 @inlined

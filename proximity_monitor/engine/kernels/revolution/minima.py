@@ -14,7 +14,7 @@ from ..elements.primitives import keep
 from ..surface.edges import point_on
 from .guess import near_samples
 from .newton import nearest_at_ends, nearest_rings, to_a
-from .places import place_of, spot_of, turning_point
+from .places import place_towards, spot_of
 from .profile import jet_of
 
 MINIMA = 16
@@ -118,9 +118,13 @@ def _take_normal(curve_a, curve_b, progress, motion, s, t, angle):
 @kernel
 def _keep_points(tree_a, tree_b, state, motion, a, b, s, t, angle):
     """Keep two points, as points of their patches, if they are nearer than those before."""
-    element_b, wb = place_of(tree_b, b, t, angle)
-    x, y, _ = moved(motion, turning_point(tree_b.curves[b], t, angle))
-    element_a, wa = place_of(tree_a, a, s, math.atan2(y, x))
+    x, y = math.cos(angle), math.sin(angle)
+    element_b, wb = place_towards(tree_b, b, t, x, y)
+    (rho, z), _, _ = jet_of(tree_b.curves[b], t)
+    x, y, _ = moved(motion, (rho * x, rho * y, z))
+    far = np.sqrt(x * x + y * y)
+    x, y = (x / far, y / far) if far > 0.0 else (1.0, 0.0)
+    element_a, wa = place_towards(tree_a, a, s, x, y)
     p = point_on(tree_a, element_a, wa[0], wa[1])
     q = point_on(tree_b, element_b, wb[0], wb[1])
     way = sub(moved(state.motions[0], q), p)

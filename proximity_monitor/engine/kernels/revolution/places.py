@@ -2,7 +2,8 @@
 
 A patch's second parameter runs around the axis, a quarter turn from each whole number to the next.
 Each quarter is a rational quadratic with the weights 1, sqrt(1/2) and 1. At the angle phi in it,
-its parameter s from 0 to 1 is given by s : 1 - s = sin(phi / 2) : sin(pi / 4 - phi / 2).
+its parameter s from 0 to 1 is given by s : 1 - s = sin(phi / 2) : sin(pi / 4 - phi / 2). With
+h = tan(phi / 2) that is sqrt(2) h : 1 - h.
 """
 
 from __future__ import annotations
@@ -25,15 +26,23 @@ def turning_point(curve, t, angle):
 @kernel
 def place_of(tree, k, t, angle):
     """Return the element of the patches at t on the k-th piece and an angle, and its weights."""
+    return place_towards(tree, k, t, math.cos(angle), math.sin(angle))
+
+
+@kernel
+def place_towards(tree, k, t, x, y):
+    """Return the same, in the half-plane of the unit vector (x, y) across the axis."""
     curve = tree.curves[k]
     part = min(np.int64(t * curve.parts), np.int64(curve.parts - 1))
     u = min(max(t * curve.parts - part, 0.0), 1.0)
-    angle -= 2.0 * math.pi * math.floor(angle / (2.0 * math.pi))
-    quarter = min(np.int64(angle / (0.5 * math.pi)), 3)
-    phi = min(max(angle - 0.5 * math.pi * quarter, 0.0), 0.5 * math.pi)
-    one, other = math.sin(0.5 * phi), math.sin(0.25 * math.pi - 0.5 * phi)
+    if y >= 0.0:
+        quarter, x, y = (0, x, y) if x > 0.0 else (1, y, -x)
+    else:
+        quarter, x, y = (2, -x, -y) if x < 0.0 else (3, -y, x)
+    h = min(max(y / (1.0 + x), 0.0), 1.0)
+    h, rest = math.sqrt(2.0) * h, 1.0 - h
     each = curve.around // 4
-    v = one / (one + other) * each
+    v = h / (h + rest) * each
     column = min(np.int64(v), np.int64(each - 1))
     v = min(max(v - column, 0.0), 1.0)
     element = tree.places[curve.first + part * curve.around + quarter * each + column]

@@ -136,6 +136,13 @@ def reach_of(tree, own, i, fine, x, z, floor):
 
 
 @inlined
+def coarse_of(tree, own, i, x, z):
+    """Return how far a part reaches along a vector without looking into it: at least `reach_of`."""
+    place, size = _around(x, z)
+    return _coarse(tree.arcs, own, tree.reaches, i, x, z, place, size)
+
+
+@inlined
 def most_in(sector, x, y):
     """Return the maximum of (x, y) . u over the unit vectors u of a sector."""
     cosine, sine, far, side = sector
@@ -157,9 +164,7 @@ def reach_in(tree, own, i, fine, sector, v, floor):
 @inlined
 def coarse_in(tree, own, i, sector, v):
     """Return the same without looking into arcs: the bound may be larger."""
-    x = most_in(sector, v[0], v[1])
-    place, size = _around(x, v[2])
-    return _coarse(tree.arcs, own, tree.reaches, i, x, v[2], place, size)
+    return coarse_of(tree, own, i, most_in(sector, v[0], v[1]), v[2])
 
 
 @allocating_entry

@@ -1,0 +1,76 @@
+"""Which kernels answer questions about two models, and how much memory their search takes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import cache, lru_cache
+from typing import NamedTuple
+
+from numba import boolean, float64, int64
+
+from ..kernels.base.state import BreadthFirst, DepthFirst, Priority
+from ..kernels.pairs.entries import ENTRIES, is_turned
+from ..models.hierarchy import Hierarchy
+from ..models.model import Model
+from .search_memory import Order, Outline, SearchKind
+
+ORDERS = {"depth_first": DepthFirst, "priority": Priority, "breadth_first": BreadthFirst}
+
+_TABLE, _POSES = int64[:, ::1], float64[:, ::1]
+_ARGUMENTS = (
+    int64[:, :, ::1], _TABLE, _POSES, _POSES, _TABLE, int64, int64, int64, int64, boolean,
+    float64[::1],
+)  # fmt: skip
+"""The types of an entry's arguments."""
+
+
+def entry_for(a: Hierarchy, b: Hierarchy, order: Order = "depth_first") -> Callable:
+    """Return the compiled entry that answers queries about models with these hierarchies."""
+    return ENTRIES[a.tree_kind, b.tree_kind][ORDERS[order]]
+
+
+@cache
+def code_of(entry: Callable) -> Callable:
+    """Return the compiled code of an entry, which Python may call in its place.
+
+    An entry chooses its code by the types of its arguments, which takes a third of a microsecond,
+    though there is only one code. The code itself hardly checks them, so they have to be right.
+    """
+    return entry.compile(_ARGUMENTS)
+
+
+class Plan(NamedTuple):
+    """What a search over two models takes."""
+
+    entry: Callable
+    elements: Callable
+    """The entry to list or compare elements: it treats solids of revolution as their patches."""
+    turned: bool
+    """Whether the entries take the second model as their first."""
+    kind: SearchKind
+
+
+def plan_of(
+    first: Outline, second: Outline, order: Order, coherent: bool, among: Sequence[Model]
+) -> Plan:
+    """Return the plan of a search over two models by outline; see `Search`."""
+    if among or order == "breadth_first":
+        return _made(first, second, order, coherent, among)
+    return _usual(first, second, order, coherent)
+
+
+@lru_cache(maxsize=256)  # making a plan takes two microseconds
+def _usual(first: Outline, second: Outline, order: Order, coherent: bool) -> Plan:
+    return _made(first, second, order, coherent, ())
+
+
+def _made(
+    first: Outline, second: Outline, order: Order, coherent: bool, among: Sequence[Model]
+) -> Plan:
+    trees = first[1], second[1]
+    turned = is_turned(*trees)
+    in_turn = (second, first) if turned else (first, second)
+    return Plan(
+        ENTRIES[first[0], second[0]][ORDERS[order]], ENTRIES[trees][ORDERS[order]], turned,
+        SearchKind.of(*in_turn, order, coherent, among),
+    )  # fmt: skip
