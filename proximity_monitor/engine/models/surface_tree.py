@@ -52,7 +52,7 @@ def build_surface(
         ModelError: a loop leaves the rectangle of its patch.
     """
     pieces, flat, lost = with_edges(*_cut(nets, parts), trims)
-    points, starts = project(pieces, flat)
+    points, starts = _projected(pieces, flat)
     low = np.minimum.reduceat(points, starts[:-1])
     high = np.maximum.reduceat(points, starts[:-1])
     # The structure depends only on the places of pieces, so each piece is replaced by a point.
@@ -89,7 +89,16 @@ def refit_surface(
 
 def projected(tree: SurfaceTree) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Return the control points (n, 3) of all pieces, metres, and each piece's start (m + 1,)."""
-    return project(tree.pieces, tree.nets)
+    return _projected(tree.pieces, tree.nets)
+
+
+def _projected(
+    pieces: NDArray, nets: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Return `project` of arrays, as read-only ones, so that it is compiled only once."""
+    pieces, nets = pieces.view(), nets.view()
+    pieces.flags.writeable = nets.flags.writeable = False
+    return project(pieces, nets)
 
 
 def _cut(nets: Sequence[Net], parts: Parts) -> tuple[NDArray, NDArray[np.float64]]:
@@ -148,7 +157,7 @@ def _fitted(
     trims: Trims,
 ) -> tuple[SurfaceTree, NDArray[np.float64]]:
     """Return the tree of a given structure over pieces in tree order, and their control points."""
-    points, starts = project(pieces, nets)
+    points, starts = _projected(pieces, nets)
     corners = in_threes(points)
     _, largest, longest = measure(corners, np.empty(3))
     # A power of two above every coordinate: dividing by it is exact.
