@@ -13,7 +13,11 @@ from proximity_monitor.engine import Status, shapes
 from proximity_monitor.engine.kernels.base.linking import ROOT
 from proximity_monitor.engine.kernels.base.tables import tree_at
 from proximity_monitor.engine.kernels.base.trees import RevolutionTree
-from proximity_monitor.engine.kernels.revolution.triangle import gradient_at, nearest_of_triangle
+from proximity_monitor.engine.kernels.revolution.triangle import (
+    gradient_at,
+    nearest_of_triangle,
+    normal_between,
+)
 
 CONVEX = {
     "cylinder": shapes.cylinder(0.4, 1.5),
@@ -179,6 +183,37 @@ def distances(table, points, found):
     for k in range(len(points)):
         here = gradient_at(tree, (points[k, 0], points[k, 1], points[k, 2]), 1e-15, 1 << 30)
         found[k] = here.distance
+
+
+@njit(pipeline_class=ROOT)
+def normals_between(table, corners, weights, found):
+    tree, _ = tree_at(RevolutionTree, table)
+    for k in range(len(corners)):
+        c, v, w = corners[k], weights[k, 1], weights[k, 2]
+        triangle = (c[0], c[1], c[2]), (c[3], c[4], c[5]), (c[6], c[7], c[8])
+        y = v * c[3] + w * c[6], v * c[4] + w * c[7], v * c[5] + w * c[8]
+        here = gradient_at(tree, y, 1e-15, 1 << 30)
+        found[k] = normal_between(here, triangle, v, w)
+
+
+def test_the_normal_beside_an_edge_is_not_tilted_by_rounding():
+    """The weights of a point of an edge are rounded: then the third weight is not quite 0."""
+    rng = np.random.default_rng(11)
+    count = 200
+    normal, first = rng.normal(size=(2, count, 3))
+    normal /= np.linalg.norm(normal, axis=1)[:, None]
+    along = np.cross(normal, first)
+    along /= np.linalg.norm(along, axis=1)[:, None]
+    v = rng.uniform(0.1, 0.9, count)
+    w = 1.0 - v + rng.integers(-2, 3, count) * 2.0**-54
+    weights = np.stack((1.0 - v - w, v, w), axis=1)
+    assert (weights[:, 0] > 0.0).any() and (weights[:, 0] < 0.0).any()
+    near = (0.5 + 1e-11) * normal  # above a ball of radius 0.5
+    b, c = near - (w / (v + w))[:, None] * along, near + (v / (v + w))[:, None] * along
+    corners = np.concatenate((near + normal + 0.3 * np.cross(normal, along), b, c), axis=1)
+    found = np.empty((count, 3))
+    normals_between(CONVEX["ball"]._hierarchy.table, corners, weights, found)
+    assert abs(np.einsum("ij,ij->i", found, along)).max() < 1e-14
 
 
 @pytest.mark.long

@@ -19,6 +19,7 @@ import numpy as np
 
 from ..base.jit import kernel
 from ..base.precise import accurate_cross
+from ..base.rounding import DOUBLE_EPS
 from ..base.vectors import along, dot, norm, scaled, sub
 from .closest import nearest_in
 from .profile import jet_of
@@ -49,6 +50,10 @@ _ALIKE = 0.99
 
 _SLIM = 1e-6
 """Square of the sine of an edge and the profile's tangent below which they count as parallel."""
+
+_ROUNDED = 8.0 * DOUBLE_EPS
+"""A first weight below this may be that of a point on the opposite edge: it is 1 - v - w, and v and
+w are rounded."""
 
 _FLAT = 1e-12
 """Share of the product of both second derivatives that their determinant has to exceed."""
@@ -192,6 +197,7 @@ def normal_between(here, triangle, v, w):
     """
     a, b, c = triangle
     u = 1.0 - v - w
+    u = u if u > _ROUNDED else 0.0
     if v > 0.0 and w > 0.0 and u > 0.0:
         n = accurate_cross(sub(b, a), sub(c, a))
     else:
