@@ -261,6 +261,19 @@ def test_almost_touching(names, gap):
     check(engine.signed_distance(a, pose_a, b, pose_b), least, gap + 1e-15)
 
 
+def test_an_edge_almost_touches_a_bulging_solid():
+    """A plane between the two proves the answers, also beside a corner of the profile."""
+    a, b = (MODELS[name] for name in ("mesh", "revolution"))
+    for seed in ("92", "392", "715", "932", "1001", "1187", "1393"):
+        pose_a, pose_b, least = almost_touching(("mesh", "revolution"), 1e-11, seed)
+        for share in (0.1, 0.4, 0.9):
+            found = engine.within(a, pose_a, b, pose_b, share * 1e-11)
+            assert not found.within and found.bound_tests < 1000
+        found = engine.distance(a, pose_a, b, pose_b)
+        check(found, least, 1.001e-11)
+        assert found.status is Status.EXACT and found.bound_tests < 1000
+
+
 @pytest.mark.parametrize("names", [("mesh", "curve"), ("revolution", "polyline")], ids=" and ".join)
 @pytest.mark.parametrize("gap", [1e-9, 1e-11])
 def test_almost_touching_where_elements_join(names, gap):

@@ -5,7 +5,8 @@ side of it. It holds off the parts of the mesh that lie beyond it by at least th
 convex models that is the whole mesh, so the search ends once the nearest points are found.
 
 How far a surface reaches along a direction comes from its pieces (see surface/reach.py). For a
-solid of revolution it comes from the profile, wherever the solid reaches farthest.
+solid of revolution it comes from the profile, wherever the solid reaches farthest, unless the gap
+is small beside the errors of the profile's arcs.
 
 Parts of the mesh in an empty ball of the surface are dismissed, too: see mesh_in_ball.py.
 """
@@ -47,31 +48,30 @@ _USEFUL = 0.9
 
 
 @kernel
-def _end_along(tree, n, element, u, v, most):
-    """Bound from above how far a surface reaches along n, |n| <= 1; see `reach_along`."""
-    if has_profile(tree):
-        return outline_along(revolution_of(tree), n)
-    return reach_along(tree, n, element, u, v, most)
-
-
-@kernel
 def lay_plane(surface, mesh, state):
     """Lay a plane against a surface, perpendicular to the line between the nearest points.
 
     If plane and ball hold off the whole mesh, no pair stays open. Returns the cost in steps.
     """
     progress = state.progress[0]
-    plane, n = progress.plane, vector(progress.normal_b)
+    plane, n, along = progress.plane, vector(progress.normal_b), vector(progress.normal_a)
     plane[0], plane[1], plane[2] = n
     progress.laid = progress.distance
-    s, ws, t = progress.element_a, progress.weights_a, progress.element_b
-    most = progress.distance - progress.limit
-    end = _end_along(surface, vector(progress.normal_a), s, ws[0], ws[1], most)
+    begin = begin_of(n, mesh.triangles, progress.element_b)
+    # The surface may reach so far along the normal.
+    room = begin - _USEFUL * progress.limit + progress.offset - GAP_SHARE * progress.slack
+    end, steps = np.inf, PLANE_STEPS
+    if has_profile(surface):
+        end = outline_along(revolution_of(surface), along)
+    if end > room:  # there is no profile, or the errors of its arcs are too large for a small gap
+        s, ws = progress.element_a, progress.weights_a
+        most = progress.distance - progress.limit
+        end, steps = reach_along(surface, along, s, ws[0], ws[1], most), 2 * PLANE_STEPS
     plane[3] = end - progress.offset + GAP_SHARE * progress.slack
-    if begin_of(n, mesh.triangles, t) - plane[3] < _USEFUL * progress.limit:
+    if begin - plane[3] < _USEFUL * progress.limit:
         plane[3] = np.inf  # the surface reaches farther elsewhere
-        return PLANE_STEPS
-    return PLANE_STEPS + end_where_held(mesh, progress)
+        return steps
+    return steps + end_where_held(mesh, progress)
 
 
 @kernel

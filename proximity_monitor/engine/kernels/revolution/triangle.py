@@ -30,7 +30,7 @@ unit vector around the axis; `bend` and `turn` are the second derivatives along 
 `piece` and `t` tell where the profile is nearest, and whether that is a `corner` of it; `looks` how
 many arcs were looked at."""
 
-_STEPS, _LEAST, _MOST = 16, 0.1, 0.8
+_STEPS, _LEAST, _MOST = 48, 0.1, 0.8
 """Steps of Newton's method; the least and the largest share to which a step that does not lead
 nearer is shortened."""
 
@@ -41,15 +41,15 @@ says."""
 _CORNER = 1e-9
 """Cosine between the tangent and the gradient above which the end of a piece counts as a corner."""
 
-_SURE = 0.99
-"""Cosine between the normal of a straight piece and the way to the point above which the two are
-taken to be one."""
+_SURE = 0.5
+"""Cosine between the normal of a piece and the way to the point above which the two are taken to be
+one: the way to a near point is tilted by rounding, and if the nearest point is not quite exact."""
 
 _ALIKE = 0.99
 """The same for a normal of a triangle or an edge."""
 
 _SLIM = 1e-6
-"""Square of the sine of an edge and the profile's tangent below which they count as parallel."""
+"""Square of the sine of an edge and a tangent below which they count as parallel."""
 
 _ROUNDED = 8.0 * DOUBLE_EPS
 """A first weight below this may be that of a point on the opposite edge: it is 1 - v - w, and v and
@@ -85,8 +85,7 @@ def gradient_at(tree, y, spare, most):
     if corner:
         bend = per
     else:
-        if curve.degree == 1 and abs(r1 * nz - z1 * nr) > _SURE * speed:
-            # Rounding does not tilt the normal of a straight piece, however near the point is.
+        if abs(r1 * nz - z1 * nr) > _SURE * speed:
             way = speed if r1 * nz > z1 * nr else -speed
             nr, nz = -z1 / way, r1 / way
         c = (r2 * nr + z2 * nz) / (speed * speed) if speed > 0.0 else 0.0
@@ -192,8 +191,8 @@ def normal_between(here, triangle, v, w):
     """Return a unit vector between a triangle's point at v and w and a solid, as exact as possible.
 
     The way between two near points is tilted by rounding, which costs much along a long edge. The
-    normal of a face is not; nor is that of an edge and the profile's tangent, or of an edge alone
-    if a corner of the profile is near it. Returns `here.normal` at the triangle's corners.
+    normal of a face is not; nor is that of an edge and a tangent of the solid: along the profile,
+    or else around the axis. Returns `here.normal` at the triangle's corners.
     """
     a, b, c = triangle
     u = 1.0 - v - w
@@ -209,10 +208,12 @@ def normal_between(here, triangle, v, w):
             edge = sub(c, b)
         else:
             return here.normal
-        n = (0.0, 0.0, 0.0)
+        n, least = (0.0, 0.0, 0.0), _SLIM * dot(edge, edge)
         if not here.corner:
             n = accurate_cross(edge, here.across)
-        if not dot(n, n) > _SLIM * dot(edge, edge):  # it is along the profile, or at a corner
+        if not dot(n, n) > least:  # it is along the profile, or at a corner
+            n = accurate_cross(edge, here.around)
+        if not dot(n, n) > least:
             n, per = here.normal, 1.0 / max(dot(edge, edge), 1e-300)
             for _ in range(2):  # the second time removes what rounding has left
                 n = along(n, edge, -per * dot(n, edge))
