@@ -11,7 +11,7 @@ from engine_bodies import pose, sphere, torus
 from proximity_monitor import engine
 from proximity_monitor.engine import shapes
 from proximity_monitor.engine.assembly.runs import Runs
-from proximity_monitor.engine.questions.plan import entry_for
+from proximity_monitor.engine.questions.setup import entry_for
 
 STATUS = tuple(engine.Status)
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..models.model import Model
-from ..questions.plan import entry_for
+from ..questions.setup import entry_for
 from ..questions.slices import Run
 
 Plan = tuple[NDArray[np.int64], list[list[Run]]]

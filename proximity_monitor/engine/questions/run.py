@@ -16,7 +16,7 @@ from ..kernels.base.tables import state_table
 from ..models.model import Model
 from ..poses import check_pose
 from .memory import give_back, take
-from .plan import ORDERS, code_of, plan_of
+from .setup import ORDERS, code_of, setup_of
 from .search_memory import Order, SearchMemory
 from .slices import ENDLESS, Slices, slices_until
 
@@ -127,8 +127,8 @@ class Search:
         self.models = a, b
         self.kinds = type(a), type(b)
         self.order = order
-        plan = plan_of(a._hierarchy.outline, b._hierarchy.outline, order, coherent, among)
-        self._entry, self._elements, self._turned, kind = plan
+        setup = setup_of(a._hierarchy.outline, b._hierarchy.outline, order, coherent, among)
+        self._entry, self._elements, self._turned, kind = setup
         self._code: Callable | None = None  # of the entry that the next run calls, if known
         self._own = own = take(SearchMemory, kind)
         self._wanted: tuple[float, ...] = ()  # the numbers of its query

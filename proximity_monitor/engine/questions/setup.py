@@ -39,7 +39,7 @@ def code_of(entry: Callable) -> Callable:
     return entry.compile(_ARGUMENTS)
 
 
-class Plan(NamedTuple):
+class Setup(NamedTuple):
     """What a search over two models takes."""
 
     entry: Callable
@@ -50,27 +50,27 @@ class Plan(NamedTuple):
     kind: SearchKind
 
 
-def plan_of(
+def setup_of(
     first: Outline, second: Outline, order: Order, coherent: bool, among: Sequence[Model]
-) -> Plan:
-    """Return the plan of a search over two models by outline; see `Search`."""
+) -> Setup:
+    """Return the setup of a search over two models by outline; see `Search`."""
     if among or order == "breadth_first":
         return _made(first, second, order, coherent, among)
     return _usual(first, second, order, coherent)
 
 
-@lru_cache(maxsize=256)  # making a plan takes two microseconds
-def _usual(first: Outline, second: Outline, order: Order, coherent: bool) -> Plan:
+@lru_cache(maxsize=256)  # making one takes two microseconds
+def _usual(first: Outline, second: Outline, order: Order, coherent: bool) -> Setup:
     return _made(first, second, order, coherent, ())
 
 
 def _made(
     first: Outline, second: Outline, order: Order, coherent: bool, among: Sequence[Model]
-) -> Plan:
+) -> Setup:
     trees = first[1], second[1]
     turned = is_turned(*trees)
     in_turn = (second, first) if turned else (first, second)
-    return Plan(
+    return Setup(
         ENTRIES[first[0], second[0]][ORDERS[order]], ENTRIES[trees][ORDERS[order]], turned,
         SearchKind.of(*in_turn, order, coherent, among),
     )  # fmt: skip
