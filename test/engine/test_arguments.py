@@ -6,9 +6,10 @@ import sys
 from decimal import Decimal
 from fractions import Fraction
 
+import numba
 import numpy as np
 import pytest
-from engine_bodies import IDENTITY, box, sphere, translation
+from engine_bodies import IDENTITY, box, sphere, torus, translation
 from numba.core.dispatcher import Dispatcher
 
 from proximity_monitor import engine
@@ -18,6 +19,7 @@ from proximity_monitor.engine.assembly.broad_phase import BroadPhase
 from proximity_monitor.engine.assembly.schedule import Schedule
 from proximity_monitor.engine.kernels.base.state import ANSWER
 from proximity_monitor.engine.poses import check_pose
+from proximity_monitor.engine.questions import run, setup
 
 A, B = sphere(2), box()
 HERE, THERE = IDENTITY, translation(3.0, 0.5)
@@ -258,3 +260,36 @@ def test_a_schedule_takes_any_numbers_and_compiles_nothing():
     assert moment(list, list, int, np.int16) == 0
     assert moment(lambda x: np.array(x, np.uint8), tuple, np.float32, int) == 0
     assert forms() == before
+
+
+def test_code_gets_arguments_of_the_types_it_is_compiled_for(monkeypatch):
+    """The code is called directly, so numba does not compare the types."""
+    called, code_of = [], setup.code_of
+
+    def checked(entry):
+        def call(*given):
+            called.append(entry)
+            for each, wanted in zip(given, setup._ARGUMENTS, strict=True):
+                found = numba.typeof(each)
+                if isinstance(wanted, numba.types.Array):
+                    kept = found.dtype, found.ndim, found.layout
+                    assert kept == (wanted.dtype, wanted.ndim, wanted.layout)
+                else:
+                    assert isinstance(found, type(wanted))
+            return code_of(entry)(*given)
+
+        return call
+
+    monkeypatch.setattr(run, "code_of", checked)
+    pair, here = engine.Pair(torus(8), torus(6)), np.eye(4)
+    for there in (np.eye(4, k=0, dtype=np.float32), np.asfortranarray(here), here.tolist(), here):
+        for order in ("depth_first", "priority", "breadth_first"):
+            pair.distance(here, there, order=order, budget_s=1e-6)
+        pair.distance(here, there, manifold=True)
+        pair.within(here, there, 1)
+        pair.collide(here, there, all_contacts=True)
+        pair.signed_distance(here, there)
+    pair.ideal(here, here)
+    poses = np.broadcast_to(here, (3, 4, 4))
+    engine.distances(pair.a, poses, pair.b, poses, signed=True)
+    assert len(called) > 20

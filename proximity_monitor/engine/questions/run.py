@@ -16,8 +16,8 @@ from ..kernels.base.tables import state_table
 from ..models.model import Model
 from ..poses import check_pose
 from .memory import give_back, take
-from .setup import ORDERS, code_of, setup_of
 from .search_memory import Order, SearchMemory
+from .setup import ORDERS, code_of, setup_of
 from .slices import ENDLESS, Slices, slices_until
 
 _BLOCK = 4096
