@@ -38,8 +38,18 @@ addEventListener('pointerdown', () => {
   at(0);  // presses find nothing in no layer
   requestAnimationFrame(() => at(1));
 }, true);
+const titles = '.mantine-Paper-root > .mantine-Paper-root:has(> svg)';
+addEventListener('keydown', event => {
+  if (!['Enter', ' '].includes(event.key) || !event.target.matches?.(titles)) return;
+  event.preventDefault();
+  event.target.click();
+});
 let seen;  // the highlighted pair when the list was last drawn
 new MutationObserver(() => {
+  for (const each of document.querySelectorAll(`${titles}:not([tabindex])`)) {
+    each.tabIndex = 0;
+    each.role = 'button';
+  }
   if (!document.querySelector('#pm-pairs')) return;
   const row = document.querySelector('#pm-pairs .pm-chosen');
   if (row?.dataset.pair !== seen) row?.scrollIntoView({block: 'nearest'});

@@ -87,7 +87,8 @@ def test_the_buttons_for_the_gap_are_seen_at_once_and_the_margin_is_told(page, w
     number = page.locator("#pm-decided .pm-num")
     wait(lambda: number.inner_text() == "200.000 mm", "the clearance to decide about")
     wait(lambda: number.evaluate(SEEN), "it to be seen")
-    page.get_by_text("Filter and group", exact=True).dispatch_event("click")
+    page.get_by_text("Filter and group", exact=True).focus()
+    page.keyboard.press("Enter")
     page.wait_for_selector("text=Group by")
     for name in ("Section through it", "Zoom to the gap", "Whole scene"):
         assert button(page, name).evaluate(SEEN), name
