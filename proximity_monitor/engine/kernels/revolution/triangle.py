@@ -30,9 +30,12 @@ unit vector around the axis; `bend` and `turn` are the second derivatives along 
 `piece` and `t` tell where the profile is nearest, and whether that is a `corner` of it; `looks` how
 many arcs were looked at."""
 
-_STEPS, _LEAST, _MOST = 48, 0.1, 0.8
-"""Steps of Newton's method; the least and the largest share to which a step that does not lead
-nearer is shortened."""
+_STEPS, _MORE, _WORTH = 16, 48, 0.01
+"""Steps of Newton's method; and most steps, if each further one promises this share of the
+distance, as beside a corner of the profile."""
+
+_LEAST, _MOST = 0.1, 0.8
+"""The least and the largest share to which a step that does not lead nearer is shortened."""
 
 _GAIN = 1e-13
 """Share of the distance that is no gain: a step that promises less is taken, whatever rounding
@@ -152,7 +155,7 @@ def nearest_of_triangle(tree, triangle, v, w, spare, rel_err, abs_err, limit, mo
     here = gradient_at(tree, y, spare, most)
     looks = here.looks
     fresh, gv, gw, dv, dw, less = True, 0.0, 0.0, 0.0, 0.0, 0.0
-    for _ in range(_STEPS):
+    for step in range(_MORE):
         if fresh:
             n, m, o, p, q = here.normal, here.across, here.around, here.bend, here.turn
             gv, gw = dot(n, e), dot(n, f)
@@ -163,7 +166,7 @@ def nearest_of_triangle(tree, triangle, v, w, spare, rel_err, abs_err, limit, mo
             me, mf, oe, of = dot(m, e), dot(m, f), dot(o, e), dot(o, f)
             hvv, hww = p * me * me + q * oe * oe, p * mf * mf + q * of * of
             less, dv, dw = _least(gv, gw, hvv, p * me * mf + q * oe * of, hww, v, w)
-            if not less < 0.0:
+            if not less < 0.0 or (step >= _STEPS and -less < _WORTH * here.distance):
                 break
             if here.distance + less < 0.0:  # only as far as the boundary
                 share = min(-here.distance / (gv * dv + gw * dw), 1.0)
