@@ -20,6 +20,7 @@ from proximity_monitor.display.holds import Hand
 from proximity_monitor.display.inbox import News
 from proximity_monitor.display.pairs import brief
 from proximity_monitor.display.parts import Parts
+from proximity_monitor.display.script import GIZMO
 from proximity_monitor.display.signs import DECIMALS
 from proximity_monitor.display.state import Frame, Pairs, SceneInfo
 
@@ -109,7 +110,7 @@ class Move:
         self._position.label = f"Position [{scene.unit.symbol}]"
         self._position.precision, self._position.step = digits, 10.0 ** (1 - digits)
         self._gizmo = self._client.scene.add_transform_controls(
-            "/gizmo", scale=HANDLES, fixed=True, line_width=3.0, depth_test=False, visible=False
+            GIZMO, scale=HANDLES, fixed=True, line_width=3.0, depth_test=False, visible=False
         )
         self._gizmo.on_update(self._on_drag)
         self.pick(names[0] if len(names) == 1 else None)

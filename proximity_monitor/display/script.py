@@ -16,6 +16,9 @@ from functools import lru_cache
 
 from websockets.http11 import Response
 
+GIZMO = "/gizmo"
+"""The name of a part's handles in the scene."""
+
 _SCRIPT = b"""<script>
 if (!new URLSearchParams(location.search).has('smooth')) {
   const gl = document.createElement('canvas').getContext('webgl2');
@@ -32,8 +35,8 @@ if (!new URLSearchParams(location.search).has('smooth')) {
 addEventListener('submit', () => document.activeElement?.blur());
 addEventListener('pointerdown', () => {
   const {nodePoseData, nodeRefFromName} = window.__viserMutable ?? {};
-  const handles = nodeRefFromName?.['/gizmo'];
-  if (!handles || nodePoseData['/gizmo']?.poseUpdateState !== 'needsUpdate') return;
+  const handles = nodeRefFromName?.['GIZMO'];
+  if (!handles || nodePoseData['GIZMO']?.poseUpdateState !== 'needsUpdate') return;
   const at = layer => handles.traverse(each => { each.layers.mask = layer; });
   at(0);  // presses find nothing in no layer
   requestAnimationFrame(() => at(1));
@@ -56,7 +59,7 @@ new MutationObserver(() => {
   seen = row?.dataset.pair;
 }).observe(document, {childList: true, subtree: true});
 </script>
-"""
+""".replace(b"GIZMO", GIZMO.encode())
 _HEAD = b"<head>\n"
 
 

@@ -9,6 +9,8 @@ pytest.importorskip("viser", reason="viser is not installed: pip install '.[disp
 
 from deadlines import DEADLINE_S
 
+from proximity_monitor.display.script import GIZMO
+
 ANTIALIAS = """() => {
   const canvas = window.__viserMutable?.canvas;
   return canvas && String(canvas.getContext('webgl2').getContextAttributes().antialias);
@@ -63,7 +65,7 @@ ON_HANDLE = """() => {
 
 def test_handles_that_come_back_are_not_gripped_before_they_are_drawn(browser, server, wait):
     dragged = []
-    gizmo = server.scene.add_transform_controls("/gizmo", scale=100.0, fixed=True, visible=False)
+    gizmo = server.scene.add_transform_controls(GIZMO, scale=100.0, fixed=True, visible=False)
     gizmo.position = (0.5, 0.3, 0.2)
     gizmo.on_update(lambda event: dragged.append(event.target.position))
     page = browser.new_page()

@@ -282,7 +282,7 @@ def test_code_gets_arguments_of_the_types_it_is_compiled_for(monkeypatch):
 
     monkeypatch.setattr(run, "code_of", checked)
     pair, here = engine.Pair(torus(8), torus(6)), np.eye(4)
-    for there in (np.eye(4, k=0, dtype=np.float32), np.asfortranarray(here), here.tolist(), here):
+    for there in (np.eye(4, dtype=np.float32), np.asfortranarray(here), here.tolist(), here):
         for order in ("depth_first", "priority", "breadth_first"):
             pair.distance(here, there, order=order, budget_s=1e-6)
         pair.distance(here, there, manifold=True)

@@ -23,7 +23,7 @@ from engine_bodies import (
 from proximity_monitor import engine
 from proximity_monitor.engine import Status
 from proximity_monitor.engine.kernels.tree.layout import EMPTY, WIDTH
-from proximity_monitor.engine.questions import run, search_memory, slices
+from proximity_monitor.engine.questions import run, search_memory, setup, slices
 
 A, B = sphere(3), torus(24)
 NESTED = sphere(4, 1.0), sphere(4, 1.3)
@@ -115,6 +115,7 @@ def test_a_full_list_is_searched_from_its_end(length, monkeypatch):
     exact = engine.distance(*(x for mesh in NESTED for x in (mesh, IDENTITY)))
     whole = engine.Pair(*NESTED).distance(IDENTITY, IDENTITY, order="breadth_first")
     monkeypatch.setattr(search_memory, "_LIST", length)
+    monkeypatch.setattr(setup, "_usual", setup._usual.__wrapped__)  # it keeps no sizes
     search = run.Search(*NESTED, "breadth_first")
     lower, code, longest = 0.0, None, 0
     while code != run.index.ENDED:

@@ -38,7 +38,7 @@ class Hierarchy(ABC):
     """The attributes from which a hierarchy can be made again."""
 
     __slots__ = (
-        "_outline", "_ranges", "_sampled", "_sides", "_spread", "centre", "core_radius", "depth",
+        "_ranges", "_sampled", "_sides", "_spread", "_traits", "centre", "core_radius", "depth",
         "deviation", "distinct", "numbers", "radius", "solid", "swept_radius", "table",
         "table_of_all", "tree",
     )  # fmt: skip
@@ -80,12 +80,12 @@ class Hierarchy(ABC):
         return type(self.tree)
 
     @property
-    def outline(self) -> tuple[type, type, int, int, int]:
+    def traits(self) -> tuple[type, type, int, int, int]:
         """All of it that a search chooses its kernels and the room of its memory by."""
-        if self._outline is None:  # it outlives many searches, so it is made once
+        if self._traits is None:  # it outlives many searches, so it is made once
             kinds = self.tree_kind, type(self.tree)
-            self._outline = *kinds, self.depth, self.cell_width, len(self.numbers)
-        return self._outline
+            self._traits = *kinds, self.depth, self.cell_width, len(self.numbers)
+        return self._traits
 
     @classmethod
     def _made(cls, kept: dict[str, Any], corners: NDArray[np.float64] | None = None) -> Self:
@@ -115,7 +115,7 @@ class Hierarchy(ABC):
         self.table_of_all = self.table = self._table(self.tree)
         if self.distinct is not self.tree:
             self.table = self._table(self.distinct)
-        self._outline: tuple[type, type, int, int, int] | None = None
+        self._traits: tuple[type, type, int, int, int] | None = None
         self._ranges: NDArray[np.int32] | None = None
         self._spread: NDArray[np.int32] | None = None
         self._sides: Sides | None = None

@@ -18,7 +18,7 @@ from ..poses import check_pose
 from .memory import give_back, take
 from .search_memory import Order, SearchMemory
 from .setup import ORDERS, code_of, setup_of
-from .slices import ENDLESS, Slices, slices_until
+from .slices import slices_until
 
 _BLOCK = 4096
 """Rows of a block of collected pairs. A full block is set aside and never copied again, so a slice
@@ -127,7 +127,7 @@ class Search:
         self.models = a, b
         self.kinds = type(a), type(b)
         self.order = order
-        setup = setup_of(a._hierarchy.outline, b._hierarchy.outline, order, coherent, among)
+        setup = setup_of(a._hierarchy.traits, b._hierarchy.traits, order, coherent, among)
         self._entry, self._elements, self._turned, kind = setup
         self._code: Callable | None = None  # of the entry that the next run calls, if known
         self._own = own = take(SearchMemory, kind)
@@ -237,7 +237,7 @@ class Search:
             call = self._code = code_of(self._elements if collect else self._entry)
         row = 0
         # Search at least one slice, so that repeated calls come to an end.
-        slices = ENDLESS if deadline is None else Slices(deadline)
+        slices = slices_until(deadline)
         while True:
             code, row = call(
                 own.models, self.memory, poses_a, poses_b, own.queries, row, count, 1, slices.steps,

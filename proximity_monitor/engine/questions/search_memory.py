@@ -92,8 +92,8 @@ def cells_for(wanted: CellRoom | None) -> tuple[NDArray, NDArray[np.float64], ND
     return room(cells, CELL), room(cells * width), room(whole, np.int32)
 
 
-Outline = tuple[type, type, int, int, int]
-"""See `Hierarchy.outline`."""
+Traits = tuple[type, type, int, int, int]
+"""See `Hierarchy.traits`."""
 
 
 class SearchKind(NamedTuple):
@@ -112,9 +112,9 @@ class SearchKind(NamedTuple):
 
     @classmethod
     def of(
-        cls, first: Outline, second: Outline, order: Order, coherent: bool, among: Iterable[Model]
+        cls, first: Traits, second: Traits, order: Order, coherent: bool, among: Iterable[Model]
     ) -> SearchKind:
-        """Return the kind of a search over two models by outline, or over any two of `among`."""
+        """Return the kind of a search over two models by traits, or over any two of `among`."""
         kind_a, _, depth_a, width_a, count_a = first
         kind_b, _, depth_b, width_b, count_b = second
         levels = -(-(depth_a + depth_b) // _LEVELS) * _LEVELS

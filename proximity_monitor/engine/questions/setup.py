@@ -12,7 +12,7 @@ from ..kernels.base.state import BreadthFirst, DepthFirst, Priority
 from ..kernels.pairs.entries import ENTRIES, is_turned
 from ..models.hierarchy import Hierarchy
 from ..models.model import Model
-from .search_memory import Order, Outline, SearchKind
+from .search_memory import Order, SearchKind, Traits
 
 ORDERS = {"depth_first": DepthFirst, "priority": Priority, "breadth_first": BreadthFirst}
 
@@ -26,7 +26,11 @@ _ARGUMENTS = (
 
 def entry_for(a: Hierarchy, b: Hierarchy, order: Order = "depth_first") -> Callable:
     """Return the compiled entry that answers queries about models with these hierarchies."""
-    return ENTRIES[a.tree_kind, b.tree_kind][ORDERS[order]]
+    return _entry(a.tree_kind, b.tree_kind, order)
+
+
+def _entry(kind_a: type, kind_b: type, order: Order) -> Callable:
+    return ENTRIES[kind_a, kind_b][ORDERS[order]]
 
 
 @cache
@@ -51,26 +55,26 @@ class Setup(NamedTuple):
 
 
 def setup_of(
-    first: Outline, second: Outline, order: Order, coherent: bool, among: Sequence[Model]
+    first: Traits, second: Traits, order: Order, coherent: bool, among: Sequence[Model]
 ) -> Setup:
-    """Return the setup of a search over two models by outline; see `Search`."""
-    if among or order == "breadth_first":
+    """Return the setup of a search over two models by traits; see `Search`."""
+    if among:
         return _made(first, second, order, coherent, among)
     return _usual(first, second, order, coherent)
 
 
 @lru_cache(maxsize=256)  # making one takes two microseconds
-def _usual(first: Outline, second: Outline, order: Order, coherent: bool) -> Setup:
+def _usual(first: Traits, second: Traits, order: Order, coherent: bool) -> Setup:
     return _made(first, second, order, coherent, ())
 
 
 def _made(
-    first: Outline, second: Outline, order: Order, coherent: bool, among: Sequence[Model]
+    first: Traits, second: Traits, order: Order, coherent: bool, among: Sequence[Model]
 ) -> Setup:
     trees = first[1], second[1]
     turned = is_turned(*trees)
     in_turn = (second, first) if turned else (first, second)
     return Setup(
-        ENTRIES[first[0], second[0]][ORDERS[order]], ENTRIES[trees][ORDERS[order]], turned,
+        _entry(first[0], second[0], order), _entry(*trees, order), turned,
         SearchKind.of(*in_turn, order, coherent, among),
     )  # fmt: skip
