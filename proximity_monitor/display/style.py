@@ -36,7 +36,7 @@ div:has(> #pm-connection) { position: sticky; top: 0; z-index: 5;
 .pm-table th { text-align: left; font-weight: 600; font-size: 11px; opacity: .65;
                padding: 2px 4px; border-bottom: 1px solid #8884; overflow-wrap: normal; }
 .pm-table td { padding: 3px 4px; border-bottom: 1px solid #8882; vertical-align: top; }
-.pm-table tr.pm-row { cursor: pointer; }
+.pm-table tr.pm-row { cursor: pointer; scroll-margin: 3em 0 .5em; }  /* below the pill */
 .pm-table tr.pm-row:hover { background: #0072b214; }
 .pm-table .pm-chosen { background: #0072b226; }
 .pm-table .pm-num { text-align: right; white-space: nowrap; }
