@@ -60,21 +60,23 @@ HANDLE = """() => {
   });
 }"""
 # After each pointer event, takes the times (ms) to the pair's new number and to the frame after it.
+# `innerText` would make the browser lay out the page at each change, so `textContent` is read.
 WATCH_DRAG = """pair => {
   window.took = [];
   let begun = null, before = null;
   const number = () => {
     const lines = [...document.querySelectorAll('#pm-near .pm-line')];
-    const line = lines.find(each => each.innerText.includes(pair));
-    return line && line.querySelector('.pm-num').innerText;
+    const line = lines.find(each => each.textContent.includes(pair));
+    return line && line.querySelector('.pm-num').textContent;
   };
   addEventListener('pointermove', event => {
     before = number();
     begun = event.timeStamp;
   }, true);
   new MutationObserver(() => {
+    if (begun === null) return;
     const now = number();
-    if (begun === null || !now || now === before) return;
+    if (!now || now === before) return;
     const told = performance.now() - begun, from = begun;
     begun = null;
     requestAnimationFrame(() => requestAnimationFrame(

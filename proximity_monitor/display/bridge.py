@@ -16,11 +16,12 @@ import viser
 
 from proximity_monitor.display.choice import PairName
 
-_ID = "pm-bridge"
-_STYLE = f"div:has(> #{_ID}) + * {{ display: none }}"
+BRIDGE = "pm-bridge"
+"""The id of an element right before the hidden text field."""
+
 _TYPE = (
     "var t=event.target.closest('[data-word]');if(t){"
-    f"var f=document.getElementById('{_ID}').parentElement.nextElementSibling"
+    f"var f=document.getElementById('{BRIDGE}').parentElement.nextElementSibling"
     ".querySelector('input');"
     "Object.getOwnPropertyDescriptor(HTMLInputElement.prototype,'value').set"
     ".call(f,t.dataset.word+'#'+Date.now());"
@@ -37,7 +38,7 @@ class Bridge:
 
     def __init__(self, gui: viser.GuiApi, on_word: OnWord) -> None:
         """Add the field at the current place of the GUI; `on_word` gets each word."""
-        gui.add_html(f'<style>{_STYLE}</style><span id="{_ID}"></span>')
+        gui.add_html(f'<span id="{BRIDGE}"></span>')
         field = gui.add_text("pressed", "")
 
         @field.on_update

@@ -76,7 +76,8 @@ def table(
             told = row_mark(decision, KINDS[states[i]], pairs.upper[i], scene.unit, worse)
             body.append((_row if count <= FULL_ROWS else _line)(pairs, i, scene, choice, told))
     return (
-        f'<div class=pm {PRESSES}><table class=pm-table id="pm-pairs">{head}{"".join(body)}</table>'
+        f'<div class="pm pm-list" {PRESSES}><table class=pm-table id="pm-pairs">'
+        f"{head}{''.join(body)}</table>"
         f"{_rest(pairs, found, left)}{_ignored(pairs, scene, choice)}</div>"
     )
 

@@ -16,6 +16,8 @@ from functools import lru_cache
 
 from websockets.http11 import Response
 
+from proximity_monitor.display.bridge import BRIDGE
+
 GIZMO = "/gizmo"
 """The name of a part's handles in the scene."""
 
@@ -47,19 +49,27 @@ addEventListener('keydown', event => {
   event.preventDefault();
   event.target.click();
 });
+const mark = (element, name) => {
+  if (element && element.dataset.pm !== name) element.dataset.pm = name;
+};
 let seen;  // the highlighted pair when the list was last drawn
 new MutationObserver(() => {
   for (const each of document.querySelectorAll(`${titles}:not([tabindex])`)) {
     each.tabIndex = 0;
     each.role = 'button';
+    mark(each.parentElement, 'folder');
   }
+  mark(document.querySelector('#BRIDGE')?.parentElement.nextElementSibling, 'hidden');
+  const pill = document.querySelector('#pm-connection');
+  mark(pill?.parentElement, 'pinned');
+  mark(pill?.closest('.mantine-ScrollArea-content [style*=overflow]'), 'around-pinned');
   if (!document.querySelector('#pm-pairs')) return;
   const row = document.querySelector('#pm-pairs .pm-chosen');
   if (row?.dataset.pair !== seen) row?.scrollIntoView({block: 'nearest'});
   seen = row?.dataset.pair;
 }).observe(document, {childList: true, subtree: true});
 </script>
-""".replace(b"GIZMO", GIZMO.encode())
+""".replace(b"GIZMO", GIZMO.encode()).replace(b"BRIDGE", BRIDGE.encode())
 _HEAD = b"<head>\n"
 
 

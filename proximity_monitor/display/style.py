@@ -10,14 +10,15 @@ STYLE = (
 .pm { font: 13px/1.45 system-ui, sans-serif; color: inherit; margin: 0 10px 8px;
       font-variant-numeric: tabular-nums; overflow-wrap: anywhere; }
 /* The folder above leaves much room below it, and the smallest window shows the first pair. */
-.pm:has(> #pm-pairs) { margin-top: -9px; }
+.pm-list { margin-top: -9px; }
 /* The panel is as wide as its widest content, so a long line must not count. */
 .pm-wide { contain: inline-size; overflow-x: auto; }
 .pm-line { display: flex; align-items: center; gap: 8px; contain: inline-size; }
-div:has(> #pm-connection) { position: sticky; top: 0; z-index: 5;
-                            background: var(--mantine-color-body); }
+/* data-pm: the page's script marks these elements. */
+[data-pm=hidden] { display: none; }
+[data-pm=pinned] { position: sticky; top: 0; z-index: 5; background: var(--mantine-color-body); }
 /* In a box with hidden overflow it would not stick. */
-.mantine-ScrollArea-content [style*=overflow]:has(#pm-connection) { overflow: clip !important; }
+[data-pm=around-pinned] { overflow: clip !important; }
 .pm-cut { flex: 1; min-width: 0; overflow: hidden; text-overflow: ellipsis; white-space: nowrap; }
 .pm-dim { opacity: .62; }
 .pm-small { font-size: 11.5px; }
@@ -47,7 +48,7 @@ div:has(> #pm-connection) { position: sticky; top: 0; z-index: 5;
            border: 1px solid #8886; background: #fffd; color: #222; pointer-events: none;
            font: 13px/1.45 system-ui, sans-serif; }
 /* The room below the title of a folder that is closed: the list needs it. */
-.mantine-Paper-root:has(> .mantine-Paper-root) > :last-child :empty { padding: 5px !important; }
+[data-pm=folder] > :last-child :empty { padding: 5px !important; }
 .pm-on { white-space: nowrap; }
 .pm-sign { font-weight: 700; white-space: nowrap; }
 .pm-bar { position: relative; height: 4px; border-radius: 2px; background: #8883;
