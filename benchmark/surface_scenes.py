@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,8 @@ from proximity_monitor.study.surfaces import wavy
 
 _QUARTER = np.array([[1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 _WEIGHTS = np.array([1.0, np.sqrt(0.5), 1.0])
-
+_OFF = 2e-4
+"""How far a torus as a mesh may be off the torus, m."""
 
 Poses = NDArray[np.float64]
 
@@ -26,7 +28,7 @@ class Scene:
     """Two models, the second one at poses (k, 4, 4).
 
     OCCT is asked only about every `every`-th pose. `coherent` says that each pose is near the one
-    before, as in a motion.
+    before, as in a motion. We are asked to `abs_err`, the peer always for its exact answer.
     """
 
     a: engine.Model
@@ -35,6 +37,7 @@ class Scene:
     every: int = 1
     coherent: bool = False
     peer: tuple[engine.Model, engine.Model] | None = None  # meshes instead of OCCT
+    abs_err: float = 0.0
 
 
 def torus(major: float = 1.0, minor: float = 0.3) -> engine.ParametricSurface:
@@ -200,15 +203,12 @@ def _aligned(count: int) -> Scene:
     return scene
 
 
-def _mesh(count: int, radius: float = 1.0) -> Scene:
+def _mesh(count: int, radius: float = 1.0, abs_err: float = 0.0) -> Scene:
     ring, ball = torus(), engine.TriangleMesh(*shapes.sphere(radius), name="sphere")
-    shown = ring.display_mesh(2e-4)
+    shown = ring.display_mesh(_OFF)
     mesh = engine.TriangleMesh(shown.vertices, shown.faces, name="torus as a mesh")
-    return Scene(ring, ball, _random(ring, ball, 4 * count, 1.2), peer=(mesh, ball))
-
-
-def _hole(count: int) -> Scene:
-    return _mesh(count, 0.5)
+    poses = _random(ring, ball, 4 * count, 1.2)
+    return Scene(ring, ball, poses, peer=(mesh, ball), abs_err=abs_err)
 
 
 SCENES: dict[str, Callable[[int], Scene]] = {
@@ -223,6 +223,8 @@ SCENES: dict[str, Callable[[int], Scene]] = {
     "fitting": _fitting,
     "aligned": _aligned,
     "mesh": _mesh,
-    "hole": _hole,
+    "hole": partial(_mesh, radius=0.5),
+    "mesh_2e-4": partial(_mesh, abs_err=_OFF),
+    "hole_2e-4": partial(_mesh, radius=0.5, abs_err=_OFF),
 }
-WITHOUT_OCCT = ("mesh", "hole", "deform")
+WITHOUT_OCCT = ("mesh", "hole", "mesh_2e-4", "hole_2e-4", "deform")
