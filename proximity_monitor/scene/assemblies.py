@@ -33,7 +33,8 @@ def parts_of(
             placements = engine.load_placements(body.model, scale=body.scale)
         except (engine.ModelError, OSError) as error:
             report.add((*keys, "model"), str(error))
-            return
+            report.check()  # nothing that names its parts can be checked without them
+            raise
     if len(placements) < 2:
         if "moving_parts" in data:
             problem = "is only for an assembly of several parts, without 'parts: false'; remove it"

@@ -10,6 +10,7 @@ pytest.importorskip("viser", reason="viser is not installed: pip install '.[disp
 from deadlines import DEADLINE_S
 
 from proximity_monitor.display.script import GIZMO
+from proximity_monitor.display.style import STYLE
 
 ANTIALIAS = """() => {
   const canvas = window.__viserMutable?.canvas;
@@ -27,6 +28,11 @@ def test_edges_are_smoothed_only_if_asked_for(browser, server, behind, expected)
         assert drawn.json_value() == expected
     finally:
         page.close()
+
+
+def test_styles_depend_on_no_descendants():
+    """At each tick a browser would compute the whole panel's style anew."""
+    assert ":has(" not in STYLE
 
 
 # While `step` is set, pictures are drawn one by one, by calling it.

@@ -42,6 +42,14 @@ def test_without_opencascade_the_message_says_how_to_get_it(tmp_path, monkeypatc
         engine.load(GEARBOX)
 
 
+def test_an_assembly_that_cannot_be_read_is_the_only_problem(tmp_path, monkeypatch):
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    rest = "pairs: {watch: [{between: [pinion, wheel]}]}"
+    with pytest.raises(SceneError) as caught:
+        load(tmp_path, "moving: true", rest)
+    assert len(str(caught.value).splitlines()) == 1
+
+
 @pytest.fixture
 def needs_opencascade():
     pytest.importorskip("OCP", reason="needs OpenCASCADE: pip install cadquery-ocp")
