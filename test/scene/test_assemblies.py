@@ -36,9 +36,9 @@ def load(folder, more, rest=""):
 
 def test_without_opencascade_the_message_says_how_to_get_it(tmp_path, monkeypatch):
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    with pytest.raises(SceneError, match=r"yaml:6: .*pip install proximity_monitor\[cad\]"):
+    with pytest.raises(SceneError, match=r"yaml:6: .*pip install '\.\[cad\]'"):
         load(tmp_path, "moving: true")
-    with pytest.raises(engine.ModelError, match=r"pip install proximity_monitor\[cad\]"):
+    with pytest.raises(engine.ModelError, match=r"pip install '\.\[cad\]'"):
         engine.load(GEARBOX)
 
 

@@ -116,7 +116,7 @@ def _parts(data: bytes, file: Path) -> list[Part]:
     if not data.rstrip(b"\0 \t\r\n").endswith(_END):
         raise FormatError(f"is truncated: it does not end with {_END.decode()}")
     if importlib.util.find_spec("OCP") is None:
-        raise FormatError("STEP files need OpenCASCADE: pip install proximity_monitor[cad]")
+        raise FormatError("STEP files need OpenCASCADE: pip install '.[cad]' in the checkout")
     stat = file.stat()
     return _read(file.resolve(), stat.st_mtime_ns, stat.st_size)
 
