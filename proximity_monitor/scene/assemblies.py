@@ -25,7 +25,8 @@ def parts_of(
     A part has its name and colour from the model file, unless the scene gives a colour. It is named
     NAME/PART if its own name is `taken` by the assembly itself or by earlier bodies. The key `pose`
     is the pose of the assembly. The parts in `moving_parts`, or all parts with `moving`, have
-    topics of their own, and their poses are those of their own frames. Problems go to the report.
+    topics of their own, and their poses are those of their own frames. Problems go to the report; a
+    body whose file cannot be read stands for none.
     """
     placements: list[engine.Placement] = []
     if body.model is not None and data.get("parts", True):
@@ -33,8 +34,7 @@ def parts_of(
             placements = engine.load_placements(body.model, scale=body.scale)
         except (engine.ModelError, OSError) as error:
             report.add((*keys, "model"), str(error))
-            report.check()  # nothing that names its parts can be checked without them
-            raise
+            return
     if len(placements) < 2:
         if "moving_parts" in data:
             problem = "is only for an assembly of several parts, without 'parts: false'; remove it"

@@ -38,11 +38,16 @@ _LONGEST_TOPIC = 200
 def read_bodies(
     section: list[dict[str, Any]], folder: Path, unit: Unit, report: Report
 ) -> tuple[tuple[Body, ...], dict[str, list[str]]]:
-    """Return the bodies, and the names of each assembly's parts; problems go to the report."""
+    """Return the bodies, and the names of each assembly's parts; problems go to the report.
+
+    Raises:
+        SceneError: if an assembly cannot be read. What names its parts cannot be checked then.
+    """
     bodies: list[Body] = []
     groups: dict[str, list[str]] = {}
     names: dict[str, int] = {}
     topics: dict[str, int] = {}
+    complete = True
     for index, data in enumerate(section):
         keys = ("bodies", index)
         whole = _body(data, keys, folder, unit, report)
@@ -56,7 +61,10 @@ def read_bodies(
                 _unique(body.topic, topics, (*keys, "topic"), report)
         if any(body.part is not None for body in found):
             groups[whole.name] = [body.name for body in found]
+        complete = complete and bool(found)
         bodies += found
+    if not complete:
+        report.check()
     return tuple(bodies), groups
 
 

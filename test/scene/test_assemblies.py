@@ -42,12 +42,15 @@ def test_without_opencascade_the_message_says_how_to_get_it(tmp_path, monkeypatc
         engine.load(GEARBOX)
 
 
-def test_an_assembly_that_cannot_be_read_is_the_only_problem(tmp_path, monkeypatch):
+def test_what_names_parts_of_an_assembly_that_cannot_be_read_is_no_problem(tmp_path, monkeypatch):
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    another = f"  - {{name: spare, model: {GEARBOX}, moving: true}}\n"
     rest = "pairs: {watch: [{between: [pinion, wheel]}]}"
     with pytest.raises(SceneError) as caught:
-        load(tmp_path, "moving: true", rest)
-    assert len(str(caught.value).splitlines()) == 1
+        load(tmp_path, "moving: true", another + rest)
+    first, second = str(caught.value).splitlines()
+    assert "bodies[0].model" in first
+    assert "bodies[2].model" in second
 
 
 @pytest.fixture
