@@ -14,6 +14,7 @@ from numba import typeof
 from numpy.typing import NDArray
 
 from .kernels.base import ahead, cache, claims
+from .kernels.base.cache import kernel_name
 from .kernels.base.trees import ARC, CURVE_PIECE, PIECE
 from .kernels.inside import ball, solids
 from .kernels.inside.contain import Insides, settle_signs
@@ -71,32 +72,50 @@ def _solids() -> Iterator[Kernel]:
     yield reach.take_reaches, (np.empty(0, ARC), 0.0)
 
 
-def _search(part: Any, search: Any) -> Callable[[], Iterator[Kernel]]:
-    """Return a function that yields a search over divisible elements and its part needed late."""
+def _parts(*parts: Any) -> Callable[[], Iterator[Kernel]]:
+    """Return a function that yields parts of searches over divisible elements."""
+    return lambda: ((part, (np.empty((2, 0, 2), np.int64), _TABLE)) for part in parts)
+
+
+def _search(search: Any, *parts: Any) -> Callable[[], Iterator[Kernel]]:
+    """Return a function that yields those parts of a search that it needs late, and the search."""
 
     def kernels() -> Iterator[Kernel]:
-        rows, table = np.empty((0, 4)), np.empty((0, 2), np.int64)
-        yield part, (np.empty((2, 0, 2), np.int64), table)
-        asked = np.empty((0, 0, 2), np.int64), table, rows, rows, table, 0, 0, 1, 0, True
+        yield from _parts(*parts)()
+        rows = np.empty((0, 4))
+        asked = np.empty((0, 0, 2), np.int64), _TABLE, rows, rows, _TABLE, 0, 0, 1, 0, True
         yield search, (*asked, np.empty(0))
 
     return kernels
 
 
-_OF_SURFACES = _search(late.surfaces, surface_surface.search)
-_ACROSS = _search(late.surface_mesh, surface_mesh.search)
+def _name(entry: Any) -> str:
+    return kernel_name(entry.py_func)
+
+
+_TABLE = np.empty((0, 2), np.int64)
+_OF_SURFACES = _search(surface_surface.search, late.surfaces)
+_ACROSS = _search(surface_mesh.search, late.surface_mesh, late.surface_mesh_ahead)
+_OF_RINGS = _search(revolution_revolution.search, late.rings)
 
 FORESEEN: tuple[tuple[set[str], Callable[[], Iterator[Kernel]]], ...] = (
+    ({_name(surface_mesh.search)}, _ACROSS),
+    ({_name(surface_surface.search)}, _OF_SURFACES),
+    ({_name(revolution_revolution.search)}, _OF_RINGS),
     ({"solid of revolution"}, _solids),
+    # Two searches need either part. Until it is compiled, the first question mostly shows which.
+    ({"solid of revolution"}, _parts(late.profile)),
+    ({"surface"}, _parts(late.cell)),
     ({"surface", "mesh"}, _ACROSS),
     ({"solid of revolution", "mesh"}, _ACROSS),
     ({"surface"}, _OF_SURFACES),
-    ({"solid of revolution"}, _search(late.rings, revolution_revolution.search)),
+    ({"solid of revolution"}, _OF_RINGS),
     ({"mesh"}, _meshes),
     ({"mesh", ahead.WATCHING}, _watching),
 )
-"""Each row: the names that must all be wanted (kinds of models, WATCHING), and the kernels to
-compile then. The topmost wanted row with kernels left goes first, also if it is wanted later."""
+"""Each row: the names that must all be wanted, and the kernels to compile then. A name is a kind of
+model, WATCHING, or an entry that a question is waiting for. The topmost wanted row with kernels
+left goes first, also if it is wanted later."""
 
 
 def _frozen(array: NDArray[Any]) -> NDArray[Any]:

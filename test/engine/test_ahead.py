@@ -17,7 +17,19 @@ from numba import typeof
 from proximity_monitor import engine
 from proximity_monitor.engine import ahead as foreseen
 from proximity_monitor.engine.kernels.base import ahead, cache, claims
-from proximity_monitor.engine.kernels.pairs import late
+from proximity_monitor.engine.kernels.pairs import (
+    late,
+    mesh_mesh,
+    revolution_revolution,
+    surface_mesh,
+    surface_surface,
+)
+from proximity_monitor.engine.questions import setup
+
+COMMON = [
+    (late.cell, (surface_surface.search, surface_mesh.search)),
+    (late.profile, (revolution_revolution.search, surface_mesh.search)),
+]
 
 SOON_S = 20.0
 """Seconds that are enough, on any machine, for work that takes a process a fraction of one."""
@@ -286,18 +298,39 @@ def test_a_process_that_cannot_be_started_is_no_error(begun, monkeypatch, tmp_pa
     assert ahead._helpers == []
 
 
-@pytest.mark.parametrize("wanted", ["surface", "solid of revolution"])
-def test_what_is_compiled_ahead_is_what_a_search_needs(wanted):
-    *_, kernels = [kernels for needs, kernels in foreseen.FORESEEN if needs == {wanted}]
-    parts, searches = [], []
-    for kernel, arguments in kernels():
-        types = tuple(map(typeof, arguments))
-        kernel.compile(types)
-        name = kernel._cache._name(types, kernel.targetctx.codegen())
-        (parts if kernel.py_func.__module__ == late.__name__ else searches).append(name)
-    for part, search in zip(parts, searches, strict=True):
+@pytest.mark.parametrize("searches", [surface_surface, surface_mesh, revolution_revolution])
+def test_what_is_compiled_ahead_is_what_a_search_needs(searches):
+    asked = {cache.kernel_name(searches.search.py_func)}
+    (kernels,) = [kernels for needs, kernels in foreseen.FORESEEN if needs == asked]
+    *parts, search = [compiled(*each) for each in kernels()]
+    assert parts
+    for part in parts:
         assert needed(part) > {part}
         assert needed(part) - {part} < needed(search), "it was compiled for other types"
+
+
+@pytest.mark.parametrize("part, searches", COMMON)
+def test_what_two_searches_need_is_compiled_before_it_is_known_which_is_asked(part, searches):
+    rows = [list(kernels()) for _, kernels in foreseen.FORESEEN]
+    (alone,) = [row for row in rows if [each for each, _ in row] == [part]]
+    ahead = compiled(*alone[0])
+    for search in searches:
+        (found, *_) = [row[-1] for row in rows if row[-1][0] is search]
+        assert needed(ahead) - {ahead} < needed(compiled(*found)), "it was compiled for other types"
+
+
+def compiled(kernel, arguments):
+    """Compile a kernel, and return its name in the cache."""
+    types = tuple(map(typeof, arguments))
+    kernel.compile(types)
+    return kernel._cache._name(types, kernel.targetctx.codegen())
+
+
+def test_a_question_says_which_search_it_waits_for(monkeypatch):
+    monkeypatch.setattr(ahead, "_wanted", [])
+    setup.code_of.cache_clear()
+    setup.code_of(mesh_mesh.search)
+    assert ahead._wanted == ["pairs.mesh_mesh.search"]
 
 
 def test_what_is_compiled_ahead_is_what_making_a_solid_needs():

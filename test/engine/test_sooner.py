@@ -2,9 +2,11 @@
 
 import ast
 import gc
+import math
 import operator
 from contextlib import suppress
 from pathlib import Path
+from types import SimpleNamespace
 
 import numba
 import numpy as np
@@ -13,9 +15,12 @@ from llvmlite import ir
 from numba.core import compiler, errors, event
 from numba.core import ir as numba_ir
 from numba.core.caching import NullCache
+from numba.core.compiler import DefaultPassBuilder
 from test_numba import broken, run
 
-from proximity_monitor.engine.kernels.base import jit, sooner
+from proximity_monitor.engine.kernels.base import jit, linking, sooner
+
+_THIRD = 1.0 / 3.0
 
 
 def test_options_are_read_as_numba_reads_them():
@@ -26,6 +31,51 @@ def test_options_are_read_as_numba_reads_them():
     assert flags.values() == read, broken("keeps options in _values (sooner._values)")
     assert flags == flags.copy() and flags != compiler.Flags()
     assert hash(flags) == hash(flags.copy())
+
+
+def test_a_function_is_not_first_asked_whether_it_is_data(monkeypatch):
+    asked, data_type = [], sooner._data_type
+
+    def count(context, value):
+        asked.append(value)
+        return data_type(context, value)
+
+    monkeypatch.setattr(sooner, "_data_type", count)
+    root = numba.njit(lambda x: math.sqrt(x) + _THIRD)
+    assert root(4.0) == 2.0 + _THIRD
+    what = broken("asks for a constant's type by resolve_value_type (sooner._resolve_value_type)")
+    assert _THIRD in asked, what
+    assert math not in asked and operator.add not in asked, what
+    with pytest.raises(numba.TypingError, match="Untyped global name 'broken'"):
+        numba.njit(lambda: broken("none of numba's functions"))()
+
+
+def test_an_error_is_told_with_its_context():
+    """As numba's own context does, which `sooner` replaces where most contexts are entered."""
+    with pytest.raises(numba.TypingError) as raised:
+        numba.njit(lambda x: x.none)(1.0)
+    assert "typing of get attribute at" in str(raised.value)
+    replaced = [numba.core.typeinfer, numba.core.lowering]
+    what = broken("adds context to errors by new_error_context (sooner._ErrorContext)")
+    assert all(each.new_error_context is sooner._ErrorContext for each in replaced), what
+    with (
+        pytest.raises(errors.TypingError) as raised,
+        sooner._ErrorContext("at {place}", place="here"),
+    ):
+        raise errors.TypingError("it")
+    assert "During: at here" in str(raised.value)
+
+
+def test_passes_that_change_nothing_in_a_kernel_are_left_out():
+    state = SimpleNamespace(func_ir=None, flags=compiler.Flags())
+    known = {each for each, _ in DefaultPassBuilder.define_nopython_pipeline(state).passes}
+    assert known >= linking.NEEDLESS, broken("has these passes (linking.NEEDLESS)")
+    made = run(_branching)
+    with event.install_recorder("numba:run_pass") as recorder:
+        assert made(3, 2.0) == 12.0
+    about = [each.data for _, each in recorder.buffer if each.data["qualname"] == "_branching"]
+    names = {each["name"].partition(" [")[0] for each in about}
+    assert "native_lowering" in names and not names & {each._name for each in linking.NEEDLESS}
 
 
 def test_what_an_operator_does_is_looked_up_once(monkeypatch):

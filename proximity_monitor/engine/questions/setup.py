@@ -8,6 +8,8 @@ from typing import NamedTuple
 
 from numba import boolean, float64, int64
 
+from ..kernels.base import ahead
+from ..kernels.base.cache import kernel_name
 from ..kernels.base.state import BreadthFirst, DepthFirst, Priority
 from ..kernels.pairs.entries import ENTRIES, is_turned
 from ..models.hierarchy import Hierarchy
@@ -40,6 +42,7 @@ def code_of(entry: Callable) -> Callable:
     An entry chooses its code by the types of its arguments, which takes a third of a microsecond,
     though there is only one code. The code itself hardly checks them, so they have to be right.
     """
+    ahead.want(kernel_name(entry.py_func))
     return entry.compile(_ARGUMENTS)
 
 

@@ -8,24 +8,26 @@
   the end of each variable's life, which only reference counting uses.
 - It has LLVM parse a module whenever it needs the size of a type.
 - It asks its registries and its own functions the same questions thousands of times, often by
-  raising and catching an error.
+  raising and catching an error, and prepares a message for each error that may come.
 """
 
 from __future__ import annotations
 
 import functools
 import operator
+from types import BuiltinFunctionType, FunctionType, ModuleType
 from typing import Any
 from weakref import WeakSet
 
 from llvmlite import ir
 from numba import types
-from numba.core import base, lowering
+from numba.core import base, errors, lowering, typeinfer
 from numba.core import ir as numba_ir
 from numba.core.compiler import Flags
 from numba.core.postproc import PostProcessor, VariableLifetime
 from numba.core.transforms import canonicalize_cfg
 from numba.core.types.functions import BaseFunction
+from numba.core.typing.context import BaseContext
 
 _KERNELS = __package__.rpartition(".")[0] + "."
 
@@ -205,3 +207,47 @@ def _registered(context: base.BaseContext) -> int:
 
 
 base.BaseContext.refresh = _refresh
+
+
+_FUNCTIONS = BuiltinFunctionType, FunctionType, ModuleType
+_data_type = BaseContext.resolve_value_type
+
+
+def _resolve_value_type(self: BaseContext, value: Any) -> types.Type:
+    """Return the type of a constant.
+
+    Numba first asks whether it is data. For a function, that raises and catches an error with a
+    coloured message.
+    """
+    if isinstance(value, _FUNCTIONS) and (found := self._get_global_type(value)) is not None:
+        return found
+    return _data_type(self, value)
+
+
+BaseContext.resolve_value_type = _resolve_value_type
+
+
+_error_context = errors.new_error_context
+
+
+class _ErrorContext:
+    """What to add to the message of an error. Numba's own is a generator, entered for each type."""
+
+    __slots__ = "_about", "_more"
+
+    def __init__(self, *about: Any, **more: Any) -> None:
+        self._about, self._more = about, more
+        if "loc" in more:
+            errors.loc_info.update(more)  # numba tells from it where it compiles
+
+    def __enter__(self) -> None:
+        """Do nothing yet."""
+
+    def __exit__(self, kind: Any, error: BaseException | None, traceback: Any) -> None:
+        """Add the context to the error, if there is one."""
+        if error is not None:
+            with _error_context(*self._about, **self._more):
+                raise error
+
+
+typeinfer.new_error_context = lowering.new_error_context = _ErrorContext

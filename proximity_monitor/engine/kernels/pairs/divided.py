@@ -308,7 +308,7 @@ def _guess(tree_a, tree_b, state):
 
 
 @_implements(stubs.approach)
-@kernel
+@shared
 def _approach(tree_a, tree_b, state, steps, found):
     progress, motions = state.progress[0], state.motions
     stack, bounds = on_stack(ROOM, np.int32(0)), on_stack(ROOM, 0.0)

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..base.jit import implements, inlined, kernel
+from ..base.jit import implements, inlined, kernel, shared
 from ..base.state import Dividing
 from ..base.trees import NONE, MeshTree, SurfaceTree
 from ..base.vectors import moved, norm, scaled
@@ -55,7 +55,7 @@ _TURNS, _FEW_TURNS = 10, 5
 """Most turns in which the nearest points are improved first; and the same for the first ball."""
 
 
-@kernel
+@shared
 def _find(surface, mesh, state, soon):
     """Look for an empty ball beside the surface's nearest point; return the cost in steps.
 

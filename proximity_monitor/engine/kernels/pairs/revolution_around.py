@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..base.jit import inlined, kernel
+from ..base.jit import inlined, kernel, shared
 from ..base.memory import on_stack, table_on_stack
 from ..base.tables import has_profile, revolution_of
 from ..base.trees import NONE
@@ -129,7 +129,7 @@ def _beyond_circle(points, count, arc):
     return radius - far - arc.error
 
 
-@kernel
+@shared
 def go_around(surface, mesh, state):
     """Find the corner of a mesh nearest to the solid; end the search if no other point is nearer.
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..base.jit import inlined, kernel
+from ..base.jit import inlined, kernel, shared
 from ..base.memory import on_stack
 from ..base.tables import has_profile, revolution_of
 from ..base.trees import NONE
@@ -100,7 +100,7 @@ def _begin(mesh, progress, pairs):
     progress.beside = top
 
 
-@kernel
+@shared
 def go_beside(surface, mesh, state):
     """Find the nearest points, and end the search if no others are nearer; return the steps.
 

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from ..base.jit import implements, inlined, kernel
+from ..base.jit import implements, inlined, kernel, shared
 from ..base.lanes import lowest
 from ..base.memory import on_stack
 from ..base.state import Dividing
@@ -126,7 +126,7 @@ def keep_nearest(surface, mesh, state, solid, t, piece, at, y, v, w):
     measure_near(surface, mesh, state, element, at, t, (1.0 - v - w, v, w), 0)
 
 
-@kernel
+@shared
 def go_down(surface, mesh, state, fresh):
     """Descend to a local minimum of the distance of a solid of revolution and a mesh.
 

@@ -24,7 +24,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..base.jit import inlined, kernel
+from ..base.jit import inlined, kernel, shared
 from ..base.memory import on_stack, table_on_stack
 from ..base.trees import NONE
 from .certificate import LOST, SPARE
@@ -217,7 +217,7 @@ def nearest_in(tree, rho, z, margin, share, spare, most):
     return nearest_under(tree, 0, rho, z, margin, share, spare, most)
 
 
-@kernel
+@shared
 def nearest_under(tree, first, rho, z, margin, share, spare, most):
     """Do the same on the part of the profile that the arc `first` is around."""
     arcs = tree.arcs

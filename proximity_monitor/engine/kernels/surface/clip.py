@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from ..base.jit import inlined, kernel
+from ..base.jit import inlined, kernel, shared
 from ..base.memory import on_stack, table_on_stack
 from ..base.rounding import DOUBLE_EPS
 from ..base.vectors import norm
@@ -31,7 +31,7 @@ _PATIENCE = 64
 """Most stretches of a segment that are looked at."""
 
 
-@kernel
+@shared
 def clip_cell(table, piece, cell):
     """Write `clip` of a cell; fit its parallelogram and twist to about what is left of it."""
     cell.clip[0] = cell.clip[1] = cell.clip[2] = 0.0

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..base.jit import inlined, kernel
+from ..base.jit import inlined, kernel, shared
 from ..base.rounding import DOUBLE_EPS
 from ..base.trees import NONE
 from ..base.vectors import dot, norm, rotated, scaled, turned_back
@@ -216,7 +216,7 @@ def _shortened(v):
     return scaled(v, (1.0 - 4.0 * DOUBLE_EPS) / length)
 
 
-@kernel
+@shared
 def bound_pair(tree_a, tree_b, state, a, b, bound, normal, gap):
     """Bound a pair of cells, for which `bound` is a lower bound; return the steps it took.
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..base.jit import fused, inlined, kernel
+from ..base.jit import fused, inlined, kernel, shared
 from ..base.memory import on_stack, table_on_stack
 
 _MOST = 16
@@ -93,7 +93,7 @@ def point_at(piece, nets, u, v):
     return (x, y, z)
 
 
-@kernel
+@shared
 def jet_at(piece, nets, u, v):
     """Return the point at u, v and the derivatives by u, v, uu, uv and vv: six vectors, metres."""
     basis_u, basis_v = table_on_stack(3, _MOST, 0.0), table_on_stack(3, _MOST, 0.0)

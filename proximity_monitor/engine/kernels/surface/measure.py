@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..base.jit import kernel
+from ..base.jit import shared
 from ..elements.primitives import keep
 from .newton import nearest_near
 from .sides import is_within_trim
@@ -16,7 +16,7 @@ _MEET = 0.0625
 """A distance below this share of its error is not reduced any further: the models meet."""
 
 
-@kernel
+@shared
 def measure_near(tree_a, tree_b, state, element_a, from_a, element_b, from_b, most):
     """Find the local minimum near given points of two elements; keep it if it is nearest so far.
 

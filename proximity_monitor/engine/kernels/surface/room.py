@@ -8,7 +8,7 @@ surface is equally near, pairs take too long to end. The search notices that few
 
 from __future__ import annotations
 
-from ..base.jit import inlined, kernel
+from ..base.jit import inlined, kernel, shared
 from ..base.trees import NONE
 from .heap import kept_aside, place, rebuilt
 
@@ -44,7 +44,7 @@ def look_back(progress):
     progress.next_check = progress.narrow_divisions + _TURN
 
 
-@kernel
+@shared
 def make_room(state):
     """Give up what is not needed; return whether that leaves enough room to go on."""
     progress, waiting = state.progress[0], state.waiting

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 
-from ..base.jit import kernel
+from ..base.jit import kernel, shared
 from ..base.memory import table_on_stack
 from .trim_curve import along, curve_box
 
@@ -93,7 +93,7 @@ def row_of(trim, share):
     return trim.first_row + min(max(int(share * trim.rows), 0), trim.rows - 1)
 
 
-@kernel
+@shared
 def side_of(table, trim, x, y):
     """Classify a point of the unit square by counting what a ray to the right crosses."""
     odd = 0

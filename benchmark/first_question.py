@@ -1,0 +1,70 @@
+"""The first question about each other pair of kinds, once questions about meshes are compiled.
+
+    python benchmark/first_question.py
+
+Each pair has a process and an empty NUMBA_CACHE_DIR of its own. It compiles a question about two
+meshes, waits until its worker processes have ended, makes two models and asks for their distance.
+Takes about a minute a pair. Nothing else should run meanwhile.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+
+_PAIRS = (
+    ("revolution", "revolution"), ("surface", "surface"), ("revolution", "surface"),
+    ("surface", "mesh"), ("revolution", "mesh"),
+)  # fmt: skip
+
+_CHILD = """
+import json, sys
+from time import perf_counter
+import numpy as np
+from proximity_monitor import engine
+from proximity_monitor.engine.kernels.base import ahead
+from proximity_monitor.study.surfaces import wavy
+
+def mesh():
+    corners = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+    return engine.TriangleMesh(corners, np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]))
+
+def surface():
+    return engine.ParametricSurface([wavy(1, 10)])
+
+def revolution():
+    return engine.shapes.cylinder(0.3, 1.0)
+
+here, there = np.eye(4), np.eye(4)
+there[0, 3] = 5.0
+engine.distance(mesh(), here, mesh(), there)
+for worker in ahead._helpers:
+    worker.wait()
+start = perf_counter()
+a, b = (globals()[kind]() for kind in sys.argv[1:])
+made = perf_counter()
+engine.distance(a, here, b, there)
+print(json.dumps([made - start, perf_counter() - made]))
+"""
+
+
+def main() -> None:
+    """Measure and print a table."""
+    print("| pair of kinds | models, s | first question, s |\n|---|---|---|")
+    for pair in _PAIRS:
+        with tempfile.TemporaryDirectory() as cache:
+            environment = {**os.environ, "NUMBA_CACHE_DIR": cache}
+            command = [sys.executable, "-c", _CHILD, *pair]
+            ended = subprocess.run(
+                command, env=environment, check=True, text=True,
+                stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
+            )  # fmt: skip
+        models, question = json.loads(ended.stdout)
+        print(f"| {' and '.join(pair)} | {models:.1f} | {question:.1f} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()
