@@ -77,11 +77,11 @@ def _parts(*parts: Any) -> Callable[[], Iterator[Kernel]]:
     return lambda: ((part, (np.empty((2, 0, 2), np.int64), _TABLE)) for part in parts)
 
 
-def _search(search: Any, *parts: Any) -> Callable[[], Iterator[Kernel]]:
-    """Return a function that yields those parts of a search that it needs late, and the search."""
+def _search(search: Any) -> Callable[[], Iterator[Kernel]]:
+    """Return a function that yields the parts that a search needs late, and the search."""
 
     def kernels() -> Iterator[Kernel]:
-        yield from _parts(*parts)()
+        yield from _parts(*late.LATE[search])()
         rows = np.empty((0, 4))
         asked = np.empty((0, 0, 2), np.int64), _TABLE, rows, rows, _TABLE, 0, 0, 1, 0, True
         yield search, (*asked, np.empty(0))
@@ -89,19 +89,13 @@ def _search(search: Any, *parts: Any) -> Callable[[], Iterator[Kernel]]:
     return kernels
 
 
-def _name(entry: Any) -> str:
-    return kernel_name(entry.py_func)
-
-
 _TABLE = np.empty((0, 2), np.int64)
-_OF_SURFACES = _search(surface_surface.search, late.surfaces)
-_ACROSS = _search(surface_mesh.search, late.surface_mesh, late.surface_mesh_ahead)
-_OF_RINGS = _search(revolution_revolution.search, late.rings)
+_OF_SURFACES = _search(surface_surface.search)
+_ACROSS = _search(surface_mesh.search)
+_OF_RINGS = _search(revolution_revolution.search)
 
 FORESEEN: tuple[tuple[set[str], Callable[[], Iterator[Kernel]]], ...] = (
-    ({_name(surface_mesh.search)}, _ACROSS),
-    ({_name(surface_surface.search)}, _OF_SURFACES),
-    ({_name(revolution_revolution.search)}, _OF_RINGS),
+    *(({kernel_name(search.py_func)}, _search(search)) for search in late.LATE),
     ({"solid of revolution"}, _solids),
     # Two searches need either part. Until it is compiled, the first question mostly shows which.
     ({"solid of revolution"}, _parts(late.profile)),

@@ -330,7 +330,9 @@ def test_a_question_says_which_search_it_waits_for(monkeypatch):
     monkeypatch.setattr(ahead, "_wanted", [])
     setup.code_of.cache_clear()
     setup.code_of(mesh_mesh.search)
-    assert ahead._wanted == ["pairs.mesh_mesh.search"]
+    assert ahead._wanted == [], "no worker is started for a search without parts needed late"
+    setup.code_of(surface_surface.search)
+    assert ahead._wanted == ["pairs.surface_surface.search_surfaces"]
 
 
 def test_what_is_compiled_ahead_is_what_making_a_solid_needs():

@@ -12,6 +12,7 @@ from ..kernels.base import ahead
 from ..kernels.base.cache import kernel_name
 from ..kernels.base.state import BreadthFirst, DepthFirst, Priority
 from ..kernels.pairs.entries import ENTRIES, is_turned
+from ..kernels.pairs.late import LATE
 from ..models.hierarchy import Hierarchy
 from ..models.model import Model
 from .search_memory import Order, SearchKind, Traits
@@ -42,7 +43,8 @@ def code_of(entry: Callable) -> Callable:
     An entry chooses its code by the types of its arguments, which takes a third of a microsecond,
     though there is only one code. The code itself hardly checks them, so they have to be right.
     """
-    ahead.want(kernel_name(entry.py_func))
+    if entry in LATE:  # the worker processes compile its parts first
+        ahead.want(kernel_name(entry.py_func))
     return entry.compile(_ARGUMENTS)
 
 

@@ -1,7 +1,7 @@
 """Entries for the parts of searches that are compiled separately, each called as in its search.
 
 No query uses these entries. To compile one is to compile the part, in parallel with the search that
-needs it.
+needs it (see LATE).
 """
 
 from __future__ import annotations
@@ -17,6 +17,9 @@ from ..revolution.rings import search_rings
 from ..search.stubs import divide, look_ahead
 from ..surface.cells import divide_cell
 from . import divided  # noqa: F401 - it implements the stub
+from . import revolution_revolution as of_rings
+from . import surface_mesh as across
+from . import surface_surface as of_surfaces
 
 KIND_A = KIND_B = WAITING = None
 """Placeholders. Each compiled entry substitutes its own types."""
@@ -70,3 +73,10 @@ surfaces = _part(_cells, "surfaces", SurfaceTree, SurfaceTree, Dividing)
 surface_mesh = _part(_cells, "surface_mesh", SurfaceTree, MeshTree, Dividing)
 surface_mesh_ahead = _part(_ahead, "surface_mesh_ahead", SurfaceTree, MeshTree, Dividing)
 rings = _part(_rings, "rings", RevolutionTree, RevolutionTree, Turning)
+
+LATE = {
+    of_surfaces.search: (surfaces,),
+    across.search: (surface_mesh, surface_mesh_ahead),
+    of_rings.search: (rings,),
+}
+"""The parts of each search that it needs late enough for another process to compile them."""
