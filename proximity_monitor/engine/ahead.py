@@ -36,6 +36,9 @@ Kernel = tuple[Any, tuple[Any, ...]]
 _IDLE_S = 5.0
 """How many seconds an idle process waits before it ends."""
 
+_TABLE = np.empty((0, 2), np.int64)
+"""An example of a table (see kernels/base/tables.py)."""
+
 
 def _meshes() -> Iterator[Kernel]:
     """Yield the kernels for distances of meshes: first those needed late that take longest."""
@@ -89,21 +92,16 @@ def _search(search: Any) -> Callable[[], Iterator[Kernel]]:
     return kernels
 
 
-_TABLE = np.empty((0, 2), np.int64)
-_OF_SURFACES = _search(surface_surface.search)
-_ACROSS = _search(surface_mesh.search)
-_OF_RINGS = _search(revolution_revolution.search)
-
 FORESEEN: tuple[tuple[set[str], Callable[[], Iterator[Kernel]]], ...] = (
     *(({kernel_name(search.py_func)}, _search(search)) for search in late.LATE),
     ({"solid of revolution"}, _solids),
     # Two searches need either part. Until it is compiled, the first question mostly shows which.
     ({"solid of revolution"}, _parts(late.profile)),
     ({"surface"}, _parts(late.cell)),
-    ({"surface", "mesh"}, _ACROSS),
-    ({"solid of revolution", "mesh"}, _ACROSS),
-    ({"surface"}, _OF_SURFACES),
-    ({"solid of revolution"}, _OF_RINGS),
+    ({"surface", "mesh"}, _search(surface_mesh.search)),
+    ({"solid of revolution", "mesh"}, _search(surface_mesh.search)),
+    ({"surface"}, _search(surface_surface.search)),
+    ({"solid of revolution"}, _search(revolution_revolution.search)),
     ({"mesh"}, _meshes),
     ({"mesh", ahead.WATCHING}, _watching),
 )

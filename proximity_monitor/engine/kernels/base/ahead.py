@@ -1,8 +1,8 @@
 """Worker processes that compile, in parallel, the kernels that this process is going to need.
 
-Numba compiles one kernel at a time per process. Code that makes a model or watches a scene calls
-`want` to announce the queries it is likely to make; `engine/ahead.py` knows which kernels these
-take. When the first kernel has to be compiled, this process starts the workers. They compile the
+Numba compiles one kernel at a time per process. Code that makes a model, watches a scene or is
+about to compile a search calls `want` to announce this; `engine/ahead.py` knows which kernels it
+takes. When the first kernel has to be compiled, this process starts the workers. They compile the
 wanted kernels, the longest first, and store them in the cache where this process looks for them
 (cache.py, claims.py). Later calls of `want` reach running workers, too. This process compiles
 whatever a worker fails to compile. A worker prints nothing. It ends when it has been idle for a
