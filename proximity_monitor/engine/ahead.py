@@ -10,46 +10,41 @@ from threading import Thread
 from typing import Any
 
 import numpy as np
-from numba import typeof
+from numba import boolean, float64, from_dtype, int64, typeof, types
 from numpy.typing import NDArray
 
 from .kernels.base import ahead, cache, claims
 from .kernels.base.cache import kernel_name
-from .kernels.base.trees import ARC, CURVE_PIECE, PIECE
+from .kernels.base.state import CELL
+from .kernels.base.tables import TREES
+from .kernels.base.trees import ARC, CURVE_PIECE, PIECE, RevolutionTree, SurfaceTree
 from .kernels.inside import ball, solids
 from .kernels.inside.contain import Insides, settle_signs
-from .kernels.pairs import (
-    late,
-    mesh_mesh,
-    revolution_revolution,
-    surface_mesh,
-    surface_surface,
-)
+from .kernels.pairs import mesh_mesh, revolution_revolution, surface_mesh, surface_surface
+from .kernels.pairs.entries import ARGUMENTS
+from .kernels.pairs.parts import SEARCHES, parts_of
 from .kernels.revolution import build as arcs
 from .kernels.revolution import reach
+from .kernels.revolution.closest import nearest_under
 from .kernels.surface import limits
+from .kernels.surface.cells import divide_cell
 from .kernels.tree import build, fit_surface, fit_tree, pairing
 
-Kernel = tuple[Any, tuple[Any, ...]]
-"""A compiled entry and example arguments, of which only the types matter."""
+Kernel = tuple[Any, tuple[types.Type, ...]]
+"""A compiled function and the types of its arguments."""
 
 _IDLE_S = 5.0
 """How many seconds an idle process waits before it ends."""
-
-_TABLE = np.empty((0, 2), np.int64)
-"""An example of a table (see kernels/base/tables.py)."""
 
 
 def _meshes() -> Iterator[Kernel]:
     """Yield the kernels for distances of meshes: first those needed late that take longest."""
     real, rows = 0.0, np.empty((0, 4))
     integers, lanes = np.empty((0, 2), np.int32), np.empty(0, np.int32)
-    table, tables = np.empty((0, 2), np.int64), np.empty((0, 0, 2), np.int64)
-    asked = tables, table, rows, rows, table, 0, 0, 1, 0, True, np.empty(0)
-    yield mesh_mesh.search, asked
-    yield fit_tree.fit_tree, (rows, integers, lanes, real, None)
-    yield build.build_tree, (rows, integers, 0)
-    yield pairing.pair_up, (rows, _frozen(integers), lanes, real)
+    yield mesh_mesh.search, ARGUMENTS
+    yield _like(fit_tree.fit_tree, rows, integers, lanes, real, None)
+    yield _like(build.build_tree, rows, integers, 0)
+    yield _like(pairing.pair_up, rows, _frozen(integers), lanes, real)
 
 
 def _watching() -> Iterator[Kernel]:
@@ -57,49 +52,60 @@ def _watching() -> Iterator[Kernel]:
     rows, integers = np.empty((0, 4)), np.empty((0, 2), np.int32)
     lanes, table = np.empty(0, np.int32), np.empty((0, 2), np.int64)
     tables = np.empty((0, 0, 2), np.int64)
-    yield ball.search_ball, (tables, table, True, 0)
+    yield _like(ball.search_ball, tables, table, True, 0)
     signs, poses = np.empty(0, np.bool_), np.empty((0, 4, 4))
     insides = Insides(np.empty(0, np.int8), table, lanes, tables)
     progress, scratch = np.empty((2, 2), np.int64), np.empty((2, 2, 0), np.int32)
     settled = insides, poses, integers, rows, signs, 0, 0, 1, 0, progress, scratch, rows
-    yield settle_signs, settled
-    yield solids.part_volumes, (_frozen(rows), 0.0, lanes, lanes)
+    yield _like(settle_signs, *settled)
+    yield _like(solids.part_volumes, _frozen(rows), 0.0, lanes, lanes)
 
 
 def _solids() -> Iterator[Kernel]:
     """Yield the kernels that building a solid of revolution needs once its profile is checked."""
     points, starts, children = np.empty((0, 3)), np.empty(0, np.int64), np.empty(0, np.int32)
-    yield fit_surface.fit_surface, (points, starts, _frozen(children), 0.0)
-    yield arcs.build_arcs, (np.empty(0, CURVE_PIECE), 0.0, 0.0)
-    yield limits.fit_limits, (np.empty(0, PIECE), np.empty(0), np.empty(0))
-    yield reach.take_reaches, (np.empty(0, ARC), 0.0)
+    yield _like(fit_surface.fit_surface, points, starts, _frozen(children), 0.0)
+    yield _like(arcs.build_arcs, np.empty(0, CURVE_PIECE), 0.0, 0.0)
+    yield _like(limits.fit_limits, np.empty(0, PIECE), np.empty(0), np.empty(0))
+    yield _like(reach.take_reaches, np.empty(0, ARC), 0.0)
 
 
-def _parts(*parts: Any) -> Callable[[], Iterator[Kernel]]:
-    """Return a function that yields parts of searches over divisible elements."""
-    return lambda: ((part, (np.empty((2, 0, 2), np.int64), _TABLE)) for part in parts)
+def _point() -> Iterator[Kernel]:
+    """Yield what finds the point of a profile that is nearest to a point."""
+    yield nearest_under, (TREES[RevolutionTree], int64, *[float64] * 5, int64)
 
 
-def _search(search: Any) -> Callable[[], Iterator[Kernel]]:
-    """Return a function that yields the parts that a search needs late, and the search."""
+def _cell() -> Iterator[Kernel]:
+    """Yield what divides a cell of a surface."""
+    cells = from_dtype(CELL)[::1]
+    yield divide_cell, (TREES[SurfaceTree], int64, cells, float64[::1], int64, boolean, boolean)
+
+
+def _search(entry: Any, profile: bool = False) -> Callable[[], Iterator[Kernel]]:
+    """Return a function that yields the lazy parts of a search, and the search."""
 
     def kernels() -> Iterator[Kernel]:
-        yield from _parts(*late.LATE[search])()
-        rows = np.empty((0, 4))
-        asked = np.empty((0, 0, 2), np.int64), _TABLE, rows, rows, _TABLE, 0, 0, 1, 0, True
-        yield search, (*asked, np.empty(0))
+        for part in parts_of(entry, profile):
+            yield part.kernel, part.arguments
+        yield entry, ARGUMENTS
 
     return kernels
 
 
+_BESIDE_MESHES = surface_mesh.search
+
 FORESEEN: tuple[tuple[set[str], Callable[[], Iterator[Kernel]]], ...] = (
-    *(({kernel_name(search.py_func)}, _search(search)) for search in late.LATE),
+    (
+        {kernel_name(_BESIDE_MESHES.py_func), "solid of revolution"},
+        _search(_BESIDE_MESHES, profile=True),
+    ),
+    *(({kernel_name(search.py_func)}, _search(search)) for search in SEARCHES),
     ({"solid of revolution"}, _solids),
-    # Two searches need either part. Until it is compiled, the first question mostly shows which.
-    ({"solid of revolution"}, _parts(late.profile)),
-    ({"surface"}, _parts(late.cell)),
-    ({"surface", "mesh"}, _search(surface_mesh.search)),
-    ({"solid of revolution", "mesh"}, _search(surface_mesh.search)),
+    # Two searches need either. Until it is compiled, the first question mostly shows which.
+    ({"solid of revolution"}, _point),
+    ({"surface"}, _cell),
+    ({"surface", "mesh"}, _search(_BESIDE_MESHES)),
+    ({"solid of revolution", "mesh"}, _search(_BESIDE_MESHES, profile=True)),
     ({"surface"}, _search(surface_surface.search)),
     ({"solid of revolution"}, _search(revolution_revolution.search)),
     ({"mesh"}, _meshes),
@@ -108,6 +114,11 @@ FORESEEN: tuple[tuple[set[str], Callable[[], Iterator[Kernel]]], ...] = (
 """Each row: the names that must all be wanted, and the kernels to compile then. A name is a kind of
 model, WATCHING, or an entry that a question is waiting for. The topmost wanted row with kernels
 left goes first, also if it is wanted later."""
+
+
+def _like(kernel: Any, *arguments: Any) -> Kernel:
+    """Return a kernel for arguments of the types of these examples."""
+    return kernel, tuple(map(typeof, arguments))
 
 
 def _frozen(array: NDArray[Any]) -> NDArray[Any]:
@@ -141,12 +152,11 @@ def work(directory: str) -> None:
                 wanted.add(names.get(timeout=_IDLE_S))
 
 
-def _compile(kernel: Any, arguments: tuple[Any, ...]) -> None:
+def _compile(kernel: Any, arguments: tuple[types.Type, ...]) -> None:
     """Compile a kernel unless it is cached or another process compiles it."""
-    types = tuple(typeof(argument) for argument in arguments)
-    if kernel._cache.is_wanting(types, kernel.targetctx):
+    if kernel._cache.is_wanting(arguments, kernel.targetctx):
         with suppress(Exception):  # the process that needs it compiles it and reports the error
-            kernel.compile(types)
+            kernel.compile(arguments)
 
 
 def _listen(names: Queue[str]) -> None:

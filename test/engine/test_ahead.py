@@ -12,23 +12,24 @@ import time
 import numpy as np
 import pytest
 from engine_surfaces import patch
-from numba import typeof
 
 from proximity_monitor import engine
 from proximity_monitor.engine import ahead as foreseen
 from proximity_monitor.engine.kernels.base import ahead, cache, claims
 from proximity_monitor.engine.kernels.pairs import (
-    late,
     mesh_mesh,
     revolution_revolution,
     surface_mesh,
     surface_surface,
 )
+from proximity_monitor.engine.kernels.pairs.parts import parts_of
+from proximity_monitor.engine.kernels.revolution.closest import nearest_under
+from proximity_monitor.engine.kernels.surface.cells import divide_cell
 from proximity_monitor.engine.questions import setup
 
 COMMON = [
-    (late.cell, (surface_surface.search, surface_mesh.search)),
-    (late.profile, (revolution_revolution.search, surface_mesh.search)),
+    (divide_cell, (surface_surface.search, surface_mesh.search)),
+    (nearest_under, (revolution_revolution.search, surface_mesh.search)),
 ]
 
 SOON_S = 20.0
@@ -44,7 +45,7 @@ import numpy as np
 from proximity_monitor.engine import ahead
 from proximity_monitor.engine.kernels.base import cache, motion
 ahead._IDLE_S = 0.5
-ahead.FORESEEN = (({"one", "two"}, lambda: [(motion.pose_deviation, (np.eye(4),))]),)
+ahead.FORESEEN = (({"one", "two"}, lambda: [ahead._like(motion.pose_deviation, np.eye(4))]),)
 ahead.work(str(cache.CACHE_DIRECTORY))
 """
 IN_TURN = """
@@ -302,26 +303,23 @@ def test_a_process_that_cannot_be_started_is_no_error(begun, monkeypatch, tmp_pa
 def test_what_is_compiled_ahead_is_what_a_search_needs(searches):
     asked = {cache.kernel_name(searches.search.py_func)}
     (kernels,) = [kernels for needs, kernels in foreseen.FORESEEN if needs == asked]
-    *parts, search = [compiled(*each) for each in kernels()]
-    assert parts
-    for part in parts:
-        assert needed(part) > {part}
-        assert needed(part) - {part} < needed(search), "it was compiled for other types"
+    *parts, search = kernels()
+    assert parts == [(each.kernel, each.arguments) for each in parts_of(searches.search, False)]
+    assert search == (searches.search, setup.ARGUMENTS)
 
 
 @pytest.mark.parametrize("part, searches", COMMON)
 def test_what_two_searches_need_is_compiled_before_it_is_known_which_is_asked(part, searches):
     rows = [list(kernels()) for _, kernels in foreseen.FORESEEN]
     (alone,) = [row for row in rows if [each for each, _ in row] == [part]]
-    ahead = compiled(*alone[0])
+    common = compiled(*alone[0])
     for search in searches:
-        (found, *_) = [row[-1] for row in rows if row[-1][0] is search]
-        assert needed(ahead) - {ahead} < needed(compiled(*found)), "it was compiled for other types"
+        parts = [compiled(each.kernel, each.arguments) for each in parts_of(search, True)]
+        assert any(common in needed(each) for each in parts), "it was compiled for other types"
 
 
-def compiled(kernel, arguments):
+def compiled(kernel, types):
     """Compile a kernel, and return its name in the cache."""
-    types = tuple(map(typeof, arguments))
     kernel.compile(types)
     return kernel._cache._name(types, kernel.targetctx.codegen())
 
@@ -339,7 +337,7 @@ def test_what_is_compiled_ahead_is_what_making_a_solid_needs():
     kernels, *_ = [each for needs, each in foreseen.FORESEEN if needs == {"solid of revolution"}]
     made = engine.shapes.torus(2.0, 0.5)
     assert engine.distance(made, np.eye(4), made, np.eye(4)).lower == 0.0
-    of_solids = [(kernel, tuple(map(typeof, arguments))) for kernel, arguments in kernels()]
+    of_solids = list(kernels())
     assert len(of_solids) > 3
     for kernel, types in of_solids:
         assert types in kernel.overloads, "it was compiled for other types"

@@ -269,7 +269,7 @@ def test_code_gets_arguments_of_the_types_it_is_compiled_for(monkeypatch):
     def checked(entry):
         def call(*given):
             called.append(entry)
-            for each, wanted in zip(given, setup._ARGUMENTS, strict=True):
+            for each, wanted in zip(given, setup.ARGUMENTS, strict=True):
                 found = numba.typeof(each)
                 if isinstance(wanted, numba.types.Array):
                     kept = found.dtype, found.ndim, found.layout

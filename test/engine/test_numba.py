@@ -15,11 +15,12 @@ import numpy as np
 import pytest
 from engine_bodies import torus
 from llvmlite.binding import get_host_cpu_features
+from numba import float64, int64
 from numba.core import event
 from numba.core.caching import NullCache
 
 from proximity_monitor import engine
-from proximity_monitor.engine.kernels.base import cache, jit, lanes, memory, tables
+from proximity_monitor.engine.kernels.base import cache, jit, lanes, lazy, memory, tables
 from proximity_monitor.engine.kernels.base.state import FAR, PROGRESS, Priority, State, Waiting
 from proximity_monitor.engine.kernels.base.trees import MeshTree
 from proximity_monitor.engine.kernels.bounds import volumes
@@ -35,6 +36,7 @@ from proximity_monitor.engine.kernels.inside.ball_state import (
 from proximity_monitor.engine.kernels.inside.solid_table import solid_at
 from proximity_monitor.engine.kernels.inside.solids import HALF
 from proximity_monitor.engine.kernels.tree.layout import STRIDE, WIDTH
+from proximity_monitor.engine.questions.run import Search
 
 KNOWN = "0.68"
 BASE = Path(engine.__file__).parent / "kernels" / "base"
@@ -368,3 +370,24 @@ def test_only_the_base_is_clever():
             if any(each.startswith(("numba.", "llvmlite")) for each in used):
                 found.append(f"{file.name}:{node.lineno}")
     assert found == []
+
+
+def test_code_is_called_by_its_address_and_compiled_at_the_first_call():
+    @lazy.lazy((MeshTree,), (MeshTree,), Waiting, int64, float64, nothing=(7, 8))
+    def part(tree_a, tree_b, state, count, share):
+        return len(tree_a.triangles) + count, int64(4.0 * share)
+
+    @run
+    def whole(model, memory):
+        tree, _ = tables.tree_at(MeshTree, model)
+        return part(tree, tree, tables.state_at(Priority, Waiting, memory), 3, 0.5)
+
+    own = part.parts[Priority, MeshTree, MeshTree]
+    own.kernel._cache = NullCache()
+    mesh = torus(16)
+    model, memory = mesh._hierarchy.table, Search(mesh, mesh).memory
+    count = len(mesh.faces)
+    assert not own.kernel.overloads
+    what = broken("calls code by an address (lazy.Part.call)")
+    assert [whole(model, memory) for _ in range(2)] == 2 * [(count + 3, 2)], what
+    assert len(own.kernel.overloads) == 1

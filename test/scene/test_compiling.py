@@ -11,7 +11,6 @@ from proximity_monitor.engine import compiling
 
 LOADED = """
 import sys
-from numba import typeof
 from numba.core.caching import NullCache
 from proximity_monitor.engine import ahead
 from proximity_monitor.scene import load_scene
@@ -38,8 +37,7 @@ monitor.tick(inside, 1.0)
 monitor.tick(inside, 1.0, distances=False)
 print(*sorted(loaded()))
 for wanted, kernels in ahead.FORESEEN:
-    for kernel, arguments in kernels() if wanted <= {"mesh", "watching"} else ():
-        types = tuple(map(typeof, arguments))
+    for kernel, types in kernels() if wanted <= {"mesh", "watching"} else ():
         print(kernel.py_func.__name__, types in kernel.overloads or [types, kernel.signatures])
 """
 SCENE = """version: 1

@@ -7,14 +7,15 @@ are grouped by kind.
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..kernels.base.trees import RevolutionTree
 from ..models.model import Model
-from ..questions.setup import entry_for
+from ..questions.setup import bind, entry_for
 from ..questions.slices import Run
 
 Plan = tuple[NDArray[np.int64], list[list[Run]]]
@@ -36,9 +37,18 @@ class Runs:
         kind = [list(kinds).index(model._hierarchy.tree_kind) for model in models]
         which = np.array([self._entries.index(entry) for entry in entries])
         self._which = which.reshape(len(kinds), -1)[np.ix_(kind, kind)]
-        self.only = self._entries[0] if len(self._entries) == 1 else None
+        self._profile = RevolutionTree in kinds
+        self.only = self._bound(0) if len(self._entries) == 1 else None
         """The entry of all pairs, or None if pairs may be of several kinds."""
         self._known: dict[Hashable, Plan] = {}
+
+    def _bound(self, which: int) -> Callable:
+        """Return an entry, none of whose searches is going to compile anything.
+
+        An assembly is for many questions, often on time, and only its first one may take longer.
+        """
+        bind(self._entries[which], self._profile)
+        return self._entries[which]
 
     def plan(self, pairs: NDArray[np.int32], stride: int, ahead: Sequence[int]) -> Plan:
         """Return the order in which to search pairs (k, 2), and each thread's runs in that order.
@@ -72,6 +82,6 @@ class Runs:
         own = which[first::stride]
         ends = [*np.flatnonzero(np.diff(own, prepend=-1)).tolist(), len(own)]
         return [
-            (self._entries[own[i]], first + stride * i, first + stride * (end - 1) + 1)
+            (self._bound(own[i]), first + stride * i, first + stride * (end - 1) + 1)
             for i, end in pairwise(ends)
         ]

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.base import state as index
+from ..kernels.base.lazy import failed, raise_failed
 from ..kernels.base.state import ANSWER, COLLECTED_FULL, CUT, CUT_BETWEEN, ENDED
 from ..kernels.base.tables import state_table
 from ..models.model import Model
@@ -243,6 +244,8 @@ class Search:
                 own.models, self.memory, poses_a, poses_b, own.queries, row, count, 1, slices.steps,
                 fresh, flat,
             )  # fmt: skip
+            if failed:
+                raise_failed()
             if code == ENDED:
                 return code
             if code == COLLECTED_FULL:
@@ -306,6 +309,8 @@ class Search:
                 models, self.memory, pose_a, pose_b, queries, row, count, 1, slices.steps, fresh,
                 flat,
             )  # fmt: skip
+            if failed:
+                raise_failed()
             if code == index.ENDED or slices.over():
                 return code, row
             fresh = code == index.CUT_BETWEEN

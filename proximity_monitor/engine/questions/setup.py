@@ -6,25 +6,16 @@ from collections.abc import Callable, Sequence
 from functools import cache, lru_cache
 from typing import NamedTuple
 
-from numba import boolean, float64, int64
-
 from ..kernels.base import ahead
 from ..kernels.base.cache import kernel_name
 from ..kernels.base.state import BreadthFirst, DepthFirst, Priority
-from ..kernels.pairs.entries import ENTRIES, is_turned
-from ..kernels.pairs.late import LATE
+from ..kernels.pairs.entries import ARGUMENTS, ENTRIES, is_turned
+from ..kernels.pairs.parts import SEARCHES, parts_of
 from ..models.hierarchy import Hierarchy
 from ..models.model import Model
 from .search_memory import Order, SearchKind, Traits
 
 ORDERS = {"depth_first": DepthFirst, "priority": Priority, "breadth_first": BreadthFirst}
-
-_TABLE, _POSES = int64[:, ::1], float64[:, ::1]
-_ARGUMENTS = (
-    int64[:, :, ::1], _TABLE, _POSES, _POSES, _TABLE, int64, int64, int64, int64, boolean,
-    float64[::1],
-)  # fmt: skip
-"""The types of an entry's arguments."""
 
 
 def entry_for(a: Hierarchy, b: Hierarchy, order: Order = "depth_first") -> Callable:
@@ -43,9 +34,20 @@ def code_of(entry: Callable) -> Callable:
     An entry chooses its code by the types of its arguments, which takes a third of a microsecond,
     though there is only one code. The code itself hardly checks them, so they have to be right.
     """
-    if entry in LATE:  # the worker processes compile its parts first
+    if entry in SEARCHES:  # worker processes compile its parts
         ahead.want(kernel_name(entry.py_func))
-    return entry.compile(_ARGUMENTS)
+    return entry.compile(ARGUMENTS)
+
+
+@cache
+def bind(entry: Callable, profile: bool) -> None:
+    """Compile or load the lazy parts of an entry's searches, so that none is missing in a search.
+
+    PROFILE says whether a model may be a solid of revolution.
+    """
+    code_of(entry)
+    for part in reversed(parts_of(entry, profile)):  # worker processes begin with the first
+        part.bind()
 
 
 class Setup(NamedTuple):

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arguments import check_tolerance
+from ..kernels.base.lazy import failed, raise_failed
 from ..kernels.base.state import BAD_POSE_A, BAD_POSE_B, CUT, ENDED
 
 Run = tuple[Callable, int, int]
@@ -149,6 +150,8 @@ def answer_in_slices(
                 fresh,
                 flat,
             )
+            if failed:
+                raise_failed()
             fresh = code != CUT
             if code in (BAD_POSE_A, BAD_POSE_B):
                 return code, at

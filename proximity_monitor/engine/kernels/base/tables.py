@@ -210,17 +210,18 @@ _SEARCH = {
 }  # fmt: skip
 
 
+def state_type(order, waiting):
+    """Return the type of a State, given the types of its `open` and `waiting`."""
+    inner = {"open": Addressed(order, _OPEN[order])}
+    inner["waiting"] = Addressed(waiting, _WAITING[waiting])
+    return Addressed(State, _SEARCH | inner)
+
+
 @intrinsic
 def state_at(typingctx, order, waiting, memory):
-    """Return the State in a table that `state_table` made.
-
-    `order` and `waiting` are the types of its `open` and `waiting`.
-    """
-    inner = {
-        "open": Addressed(order.instance_class, _OPEN[order.instance_class]),
-        "waiting": Addressed(waiting.instance_class, _WAITING[waiting.instance_class]),
-    }
-    return begins_at(Addressed(State, _SEARCH | inner), 0, order, waiting, memory)
+    """Return the State in a table that `state_table` made; `order` and `waiting` as above."""
+    kind = state_type(order.instance_class, waiting.instance_class)
+    return begins_at(kind, 0, order, waiting, memory)
 
 
 @inlined

@@ -17,11 +17,12 @@ import numpy as np
 
 from ..base.jit import implements, inlined, kernel
 from ..base.lanes import lowest, not_above
+from ..base.lazy import lazy
 from ..base.memory import on_stack
 from ..base.rounding import DOUBLE_EPS, GAP_SHARE
 from ..base.state import Dividing
 from ..base.tables import has_profile, revolution_of
-from ..base.trees import MeshTree
+from ..base.trees import MeshTree, SurfaceTree
 from ..base.vectors import dot, turned_back
 from ..bounds.cross import along_node, left_between
 from ..elements.direction import begin_of
@@ -47,7 +48,7 @@ _USEFUL = 0.9
 """A plane is of use only if the nearest triangle is beyond it by this share of the limit."""
 
 
-@kernel
+@lazy((SurfaceTree,), (MeshTree,), Dividing)
 def lay_plane(surface, mesh, state):
     """Lay a plane against a surface, perpendicular to the line between the nearest points.
 

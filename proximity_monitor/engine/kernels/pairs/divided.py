@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+from numba import int64
 
 from ..base.jit import implements, inlined, kernel, shared
+from ..base.lazy import lazy
 from ..base.memory import on_stack
 from ..base.motion import slack_of_bounds
 from ..base.rounding import MARGIN_A, MARGIN_B, MARGIN_T, POINT_FLOOR, RESOLUTION
@@ -162,18 +164,14 @@ def _resolve(tree_a, tree_b, state, n, steps, scratch):
         return n, steps
     apart = progress.distance - progress.slack > progress.stop
     narrow = apart and progress.dividing > 0 and is_narrow(progress, waiting.pairs)
-    while True:
-        # Numba compiles callees in the order in which they are written. Other processes compile
-        # `_divide_some` ahead (see late.py), so it comes last, where it is needed latest.
-        if not narrow:
-            steps = _add(tree_a, tree_b, state, n, bound, steps)
-            if progress.compared < progress.due or _may_cross(progress, waiting):
-                return n, steps
-            return n, steps - min(steps, find_ball(tree_a, tree_b, state))
-        code, left = _divide_some(tree_a, tree_b, state, steps, True)
+    if narrow:
+        code, left = divide_some(tree_a, tree_b, state, steps, 1)
         if code == CUT:
             return n + 1, left
-        narrow = False
+    steps = _add(tree_a, tree_b, state, n, bound, steps)
+    if progress.compared < progress.due or _may_cross(progress, waiting):
+        return n, steps
+    return n, steps - min(steps, find_ball(tree_a, tree_b, state))
 
 
 @inlined
@@ -229,17 +227,24 @@ def _compare(waiting, tree_a, tree_b, state, a, b):
 @implements(stubs.divide, Dividing)
 @inlined
 def _divide(waiting, tree_a, tree_b, state, steps):
-    return _divide_some(tree_a, tree_b, state, steps, False)
+    if not _has_to_divide(state.progress[0]):  # most searches compare whole elements only
+        return _code(state, state.progress[0].least_cells), steps
+    return divide_some(tree_a, tree_b, state, steps, 0)
 
 
-@shared
-def _divide_some(tree_a, tree_b, state, steps, one):
+@inlined
+def _has_to_divide(progress):
+    return progress.dividing > 0 and progress.distance - progress.slack > progress.stop
+
+
+@lazy((SurfaceTree,), (SurfaceTree, MeshTree), Dividing, int64, int64, nothing=(CUT, 0))
+def divide_some(tree_a, tree_b, state, steps, one):
     """Divide all waiting pairs, or as many as there are steps for; return as `stubs.divide` does.
 
     With ONE, divide one pair, or only make room for it; return CUT then, unless there is no room.
     """
     progress = state.progress[0]
-    while progress.dividing > 0 and progress.distance - progress.slack > progress.stop:
+    while _has_to_divide(progress):
         if steps == 0:
             return CUT, steps
         taken = divide_nearest(tree_a, tree_b, state)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from numba import boolean, float64, int64
+
 from ..base.state import BreadthFirst, DepthFirst, Priority
 from ..base.trees import MESHES, BoxTree, MeshTree, RevolutionTree, SurfaceTree
 from . import mesh_mesh, revolution_revolution, surface_mesh, surface_surface
@@ -48,6 +50,13 @@ ENTRIES = {
 }
 """The entries by the types of both trees, then by the type that holds the open pairs, one for each
 order of a search."""
+
+_TABLE, _POSES = int64[:, ::1], float64[:, ::1]
+ARGUMENTS = (
+    int64[:, :, ::1], _TABLE, _POSES, _POSES, _TABLE, int64, int64, int64, int64, boolean,
+    float64[::1],
+)  # fmt: skip
+"""The types of an entry's arguments; see `answer_queries`."""
 
 
 def is_turned(kind_a, kind_b):

@@ -14,8 +14,10 @@ it leans on are dismissed along the direction between the nearest points, if tha
 from __future__ import annotations
 
 import numpy as np
+from numba import int64
 
-from ..base.jit import implements, inlined, kernel, shared
+from ..base.jit import implements, inlined
+from ..base.lazy import lazy
 from ..base.state import Dividing
 from ..base.trees import NONE, MeshTree, SurfaceTree
 from ..base.vectors import moved, norm, scaled
@@ -25,7 +27,7 @@ from ..surface.empty_ball import empty_ball, find_ball, is_in_ball
 from ..surface.facing import vector
 from ..surface.reach import support_of
 from ..tree.layout import WIDTH, radius_of, row
-from .beyond_plane import end_where_held, is_held_off
+from .beyond_plane import REST, end_where_held, is_held_off, lay_plane
 from .in_ball import is_within
 from .mesh_nearer import LOOK, improve, nearest_points
 from .revolution_around import go_around, is_around
@@ -55,8 +57,8 @@ _TURNS, _FEW_TURNS = 10, 5
 """Most turns in which the nearest points are improved first; and the same for the first ball."""
 
 
-@shared
-def _find(surface, mesh, state, soon):
+@lazy((SurfaceTree,), (MeshTree,), Dividing, int64)
+def look_for_ball(surface, mesh, state, soon):
     """Look for an empty ball beside the surface's nearest point; return the cost in steps.
 
     SOON, before much is known, give up unless a few turns find the nearest points.
@@ -104,18 +106,22 @@ def _is_soon(progress):
     return soon and progress.limit > _ASKED * progress.distance
 
 
-@kernel
-def _look(surface, mesh, state):
+@lazy((SurfaceTree,), (MeshTree,), Dividing)
+def look_for_plane(surface, mesh, state):
     """Improve the nearest points and lay a plane between them; return the cost in steps.
 
     A surface that is no convex solid has its nearest points improved for the first plane only.
     """
     progress, steps = state.progress[0], 0
-    if not is_convex(surface) and progress.laid == np.inf:
+    if is_convex(surface):
+        return go_down(surface, mesh, state, 0)
+    if progress.laid == np.inf:
         _, steps = improve(surface, mesh, state, _FEW_TURNS)
         if not progress.distance > progress.slack:
             return steps
-    return steps + go_down(surface, mesh, state, False)
+    steps += lay_plane(surface, mesh, state)
+    progress.resting = REST if progress.open > 0 else 0
+    return steps
 
 
 @implements(stubs.look_ahead, Dividing, SurfaceTree, MeshTree)
@@ -126,16 +132,16 @@ def _look_ahead(waiting, surface, mesh, state):
     if is_around(surface, mesh, state):
         return go_around(surface, mesh, state)
     if is_due(state.progress[0], surface):
-        return _look(surface, mesh, state)
+        return look_for_plane(surface, mesh, state)
     if not _is_soon(state.progress[0]):
         return 0
-    return _find(surface, mesh, state, True)
+    return look_for_ball(surface, mesh, state, 1)
 
 
 @implements(find_ball, SurfaceTree, MeshTree)
 @inlined
 def _find_ball(surface, mesh, state):
-    return _find(surface, mesh, state, False)
+    return look_for_ball(surface, mesh, state, 0)
 
 
 @inlined

@@ -12,10 +12,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..base.jit import inlined, kernel, shared
+from ..base.jit import inlined, kernel
+from ..base.lazy import lazy
 from ..base.memory import on_stack, table_on_stack
+from ..base.state import Dividing
 from ..base.tables import has_profile, revolution_of
-from ..base.trees import NONE
+from ..base.trees import NONE, MeshTree, SurfaceTree
 from ..base.vectors import dot, moved, norm
 from ..elements.primitives import corners, mixed
 from ..revolution.closest import nearest_in
@@ -129,7 +131,7 @@ def _beyond_circle(points, count, arc):
     return radius - far - arc.error
 
 
-@shared
+@lazy((SurfaceTree,), (MeshTree,), Dividing)
 def go_around(surface, mesh, state):
     """Find the corner of a mesh nearest to the solid; end the search if no other point is nearer.
 

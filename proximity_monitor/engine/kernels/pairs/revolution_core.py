@@ -13,10 +13,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..base.jit import inlined, kernel, shared
+from ..base.jit import inlined, kernel
+from ..base.lazy import lazy
 from ..base.memory import on_stack
+from ..base.state import Dividing
 from ..base.tables import has_profile, revolution_of
-from ..base.trees import NONE
+from ..base.trees import NONE, MeshTree, SurfaceTree
 from ..base.vectors import along, moved, norm, sub
 from ..elements.primitives import corners
 from ..revolution.closest import (
@@ -100,7 +102,7 @@ def _begin(mesh, progress, pairs):
     progress.beside = top
 
 
-@shared
+@lazy((SurfaceTree,), (MeshTree,), Dividing)
 def go_beside(surface, mesh, state):
     """Find the nearest points, and end the search if no others are nearer; return the steps.
 

@@ -10,9 +10,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numba import float64, int64
 
-from ..base.jit import implements, inlined, kernel, shared
+from ..base.jit import implements, inlined, kernel
 from ..base.lanes import lowest
+from ..base.lazy import lazy
 from ..base.memory import on_stack
 from ..base.state import Dividing
 from ..base.tables import has_profile, revolution_of
@@ -30,7 +32,6 @@ from ..surface.measure import measure_near
 from ..tree.layout import WIDTH, first_of, last_of, row
 from . import divided
 from .beyond_plane import (
-    REST,
     is_held_off,
     lanes_before,
     lanes_on,
@@ -126,19 +127,18 @@ def keep_nearest(surface, mesh, state, solid, t, piece, at, y, v, w):
     measure_near(surface, mesh, state, element, at, t, (1.0 - v - w, v, w), 0)
 
 
-@shared
+@lazy((SurfaceTree,), (MeshTree,), Dividing, int64)
 def go_down(surface, mesh, state, fresh):
     """Descend to a local minimum of the distance of a solid of revolution and a mesh.
 
     FRESH, begin with the middle of the mesh. Otherwise first lay a plane between the nearest points
-    known, and go on from them only if the surface is a convex solid. Each turn keeps the nearest
-    points and lays a plane between them. Returns the cost in steps.
+    known, and go on from them. Each turn keeps the nearest points and lays a plane between them.
+    Returns the cost in steps.
     """
     progress = state.progress[0]
     if not fresh:
         steps = lay_plane(surface, mesh, state)
-        if progress.open == 0 or not is_convex(surface):
-            progress.resting = REST if progress.open > 0 else 0
+        if progress.open == 0:
             return steps
     solid = revolution_of(surface)
     motion, found = on_stack(12, 0.0), on_stack(WIDTH, np.float32(0.0))
@@ -177,8 +177,8 @@ def go_down(surface, mesh, state, fresh):
     return steps
 
 
-@kernel
-def _open_beside(surface, mesh, state, lane, bound, lows):
+@lazy((SurfaceTree,), (MeshTree,), Dividing, int64, float64, nothing=(0, 0))
+def open_beside(surface, mesh, state, lane, bound):
     """Open a volume of a mesh beside a solid of revolution, with a plane laid for that volume.
 
     The plane is perpendicular to the way from the solid to the middle of the node below. If the
@@ -186,6 +186,7 @@ def _open_beside(surface, mesh, state, lane, bound, lows):
     surfaces. Each triangle of a leaf has its own plane. Returns as `stubs.open_whole` does.
     """
     progress, solid = state.progress[0], revolution_of(surface)
+    lows = on_stack(WIDTH, np.float32(0.0))
     child = np.int64(mesh.children[lane])
     motion = on_stack(12, 0.0)
     to_surface = state.motions[0]
@@ -197,18 +198,18 @@ def _open_beside(surface, mesh, state, lane, bound, lows):
                 surface, mesh, state, solid, t, motion, to_surface, spare
             ):
                 progress.futile += 1
-                return False, LEAF_STEPS
-        return True, LEAF_STEPS
+                return 0, LEAF_STEPS
+        return 1, LEAF_STEPS
     progress.bound_tests += WIDTH
     left = lanes_before(mesh, child, progress, progress.limit, lows)
     if not left:
-        return True, 1
+        return 1, 1
     middle = scaled(row(mesh.centres, child), mesh.scale[0])
     here = gradient_at(solid, moved(motion, middle), spare, LOOK * progress.steps)
     n, end = plane_across(solid, to_surface, here.normal, progress.slack)
     if not dot(n, middle) - end > _USEFUL * here.distance:
         progress.futile += 1
-        return False, 1
+        return 0, 1
     end += progress.bound_slack
     also_left, begin = lanes_on(mesh, child, n, end, progress.limit, lows)
     left &= also_left
@@ -222,7 +223,7 @@ def _open_beside(surface, mesh, state, lane, bound, lows):
             stubs.push(state.open, state, first, top, 0, to, own)
             top += 1
     progress.open = top
-    return True, 2
+    return 1, 2
 
 
 @kernel
@@ -270,7 +271,7 @@ def _begin_below(surface, mesh, state, fresh):
     if not has_profile(surface) or not (fresh or is_convex(surface)):
         return False
     if fresh or state.progress[0].distance > state.progress[0].slack:
-        go_down(surface, mesh, state, fresh)
+        go_down(surface, mesh, state, int64(fresh))
     return True
 
 
@@ -279,4 +280,5 @@ def _begin_below(surface, mesh, state, fresh):
 def _open_whole(waiting, surface, mesh, state, a, b, bound, scratch):
     if a != 0 or not _serves(state.progress[0], surface):
         return False, 0
-    return _open_beside(surface, mesh, state, b, bound, scratch.lows)
+    opened, taken = open_beside(surface, mesh, state, b, bound)
+    return opened != 0, taken

@@ -14,10 +14,11 @@ import math
 
 import numpy as np
 
-from ..base.jit import inlined, kernel, shared
+from ..base.jit import inlined, kernel
+from ..base.lazy import lazy
 from ..base.memory import on_stack
-from ..base.state import CELLS_FULL, CUT, ENDED
-from ..base.trees import NONE
+from ..base.state import CELLS_FULL, CUT, ENDED, Turning
+from ..base.trees import NONE, RevolutionTree
 from .around import part_around
 from .bound import facing, half_of, normal_of_a, normal_of_b, sags, sector_of
 from .bounded import MINIMUM_STEPS, MOST, fineness, gap_along, halves_of, part_off, prove
@@ -180,7 +181,7 @@ def _is_over(progress, bound):
     return bound >= progress.least_cells and not (decides and progress.bound_tests < MOST)
 
 
-@shared
+@lazy((RevolutionTree,), (RevolutionTree,), Turning, nothing=(CUT,))
 def search_rings(tree_a, tree_b, state):
     """Run a search for the steps that it has left.
 
