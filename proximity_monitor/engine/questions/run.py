@@ -353,7 +353,9 @@ class Search:
             where = np.arange(progress["base"], ends) % len(bounds)
             open_pairs, open_bounds = pairs[where], bounds[where]
         else:
-            open_pairs, open_bounds = pairs[:ends], bounds[:ends]
+            put_off = len(bounds) - max(int(progress["put_off"]), 0)
+            open_pairs = np.concatenate((pairs[:ends], pairs[put_off:]))
+            open_bounds = np.concatenate((bounds[:ends], bounds[put_off:]))
         found = np.concatenate((open_pairs, lanes[:waiting]))
         return (
             found[:, ::-1] if self._turned else found,

@@ -29,6 +29,7 @@ from ..kernels.revolution.front import FRONT
 from ..kernels.revolution.minima import MINIMA
 from ..kernels.search.descent import WAITING_ROOM
 from ..kernels.search.queue import QUEUE
+from ..kernels.search.stack import PUT_OFF
 from ..models.hierarchy import Hierarchy
 from ..models.model import Model
 from .memory import Memory, room
@@ -120,7 +121,7 @@ class SearchKind(NamedTuple):
         levels = -(-(depth_a + depth_b) // _LEVELS) * _LEVELS
         # Opening a volume replaces one pair by at most sixteen, once for each level of either
         # model. A priority queue that is full leaves all its pairs below, too.
-        pairs = 1 + levels * (15 if order == "depth_first" else 15 + QUEUE)
+        pairs = 1 + levels * 15 + PUT_OFF if order == "depth_first" else 1 + levels * (15 + QUEUE)
         if order == "breadth_first":
             pairs = _LIST
         if among:

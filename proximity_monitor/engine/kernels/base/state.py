@@ -188,7 +188,6 @@ PROGRESS = np.dtype(
         ("weights_a", np.float64, (3,)),  # where the nearest points lie on their elements
         ("weights_b", np.float64, (3,)),
         ("approached", np.float64),  # the distance that `approach` last reached
-        ("patience", np.int64),  # bound tests after which `approach` is tried again
         ("spent", np.int64),  # bound tests of all searches since the points were last renewed
         ("travelled", np.float64),  # how far the models have moved in all
         ("step", np.float64),  # how far they have moved since the last search
@@ -204,6 +203,8 @@ PROGRESS = np.dtype(
         ("bound_tests", np.int64),
         ("primitive_tests", np.int64),
         ("open", np.int64),  # how many pairs of volumes are open: the place of the next one
+        ("put_off", np.int64),  # how many more wait for these to be dealt with (see stack.py), or
+        # NONE if none is going to
         ("waiting", np.int64),  # how many pairs of leaves wait
         ("dividing", np.int64),  # how many pairs of cells are in the heap
         ("aside", np.int64),  # how many pairs of cells are set aside

@@ -138,7 +138,7 @@ def end_where_held(mesh, progress):
             if below != EMPTY:
                 stack[top] = below
                 top += 1
-    progress.open = progress.waiting = 0
+    progress.open = progress.put_off = progress.waiting = 0
     return nodes
 
 

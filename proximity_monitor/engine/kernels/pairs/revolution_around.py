@@ -204,7 +204,7 @@ def go_around(surface, mesh, state):
     progress.bound_tests += looks
     progress.beside = top if held else 0
     if top == 0 and held:
-        progress.open = progress.waiting = 0
+        progress.open = progress.put_off = progress.waiting = 0
     if top == 0 or not held:
         return 1 + cost // LOOK
     return progress.steps

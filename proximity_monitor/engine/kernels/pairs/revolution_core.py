@@ -161,7 +161,7 @@ def go_beside(surface, mesh, state):
         least = min(least, pairs[2 * k].bound)
     least -= 2.0 * progress.slack
     if held and least >= progress.limit:
-        progress.open = progress.waiting = progress.beside = 0
+        progress.open = progress.put_off = progress.waiting = progress.beside = 0
     if progress.beside == 0:
         return 1 + looks // LOOK
     # Everything else is beyond the limit.

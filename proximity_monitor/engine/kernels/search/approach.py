@@ -24,22 +24,17 @@ APPROACH_STEPS = 64
 """Steps that a call of `come_nearer` counts as. It takes about as long as these, so that a slice of
 steps is a slice of time."""
 
-_QUERY, _ROUGH, _SHARE = 32, 6, 16 * WIDTH
-"""Steps of a point query. _QUERY: the most; what the query has found by then is good enough. If the
-exact distance is not asked for: _ROUGH, enough to reach the first leaf; in a long search more, one
-step per _SHARE bound tests.
-"""
+_QUERY = 32
+"""Most steps of a point query; what it has found by then is good enough."""
+
 _ROUNDS, _WORTH = 4, 0.9
 """Most rounds; and the share of the distance below which a round must come to be followed by
 another."""
+
 _FAR = 0.97
 """More rounds pay once the search has found a distance below this share of the one that it began
 with, or had after the last rounds. Along a path it never does, and no rounds are made."""
 
-_PATIENCE, _LONG, _LONGER = 24 * WIDTH, 96 * WIDTH, 8
-"""Bound tests that a search with a tolerance makes before the first rounds; the same if it began
-with the nearest points of the search before; and the factor on its bound tests before the next
-rounds."""
 _RENEWAL, _STALE = 200 * WIDTH, 0.05
 """Bound tests of searches with a tolerance until the nearest points are renewed (see `renew`); and
 the least tolerance, as a share of the distance, for which this is done.
@@ -49,9 +44,6 @@ the next search begins are too far by more and more, and so is the limit, and it
 along a path half as many again for a tolerance of 10 %. Renewing the points takes as long as about
 30 openings.
 """
-_WITHIN_REACH = 1.5
-"""Largest distance of the nearest points, as a multiple of the clearance, from which `approach` is
-likely to bring them within the clearance."""
 _POOR, _POOR_SHARE, _PATH = 0.1, 0.25, 0.02
 """The remembered elements are too far to begin with if their distance exceeds the last distance by
 more than a share of it. The share is _POOR in an exact search. With a relative error it is
@@ -64,11 +56,12 @@ volumes open; but at least _PATH, by which distances change from step to step of
 def begin_near(tree_a, tree_b, state, last):
     """Begin with other elements if the remembered ones are now much farther apart than before.
 
-    After a leap of the models, the remembered elements say nothing, however near they are. `last`
+    After a leap of the models, the remembered elements say nothing, however near they are. Then the
+    first limit is too large, too, and pairs of volumes near it are put off (see stack.py). `last`
     is the distance (m) with which the search before ended.
     """
     progress = state.progress[0]
-    progress.approached, progress.patience = np.inf, _PATIENCE
+    progress.approached = np.inf
     if progress.limit < enough(progress):
         return
     near = (1.0 + max(progress.rel_err, _POOR)) * last
@@ -79,7 +72,9 @@ def begin_near(tree_a, tree_b, state, last):
     if leapt or progress.distance > (1.0 + poor) * last:
         guess(tree_a, tree_b, state)
     if progress.distance <= near:
-        progress.approached, progress.patience = progress.distance, _LONG
+        progress.approached = progress.distance
+    if leapt or progress.distance > near or not remembers(state):
+        progress.put_off = 0
 
 
 @inlined
@@ -96,17 +91,10 @@ def renew(tree_a, tree_b, state):
 def far_from_nearest(progress):
     """Return whether the descent has found so much nearer points that `approach` is worth the time.
 
-    If less than the exact distance is asked for, a few openings often suffice, so they come first.
-    But slightly nearer points may save most of a long search, so `approach` is tried again and
-    again. If the question is whether anything is within a clearance (the limit is then the
-    clearance), `approach` is worthwhile only from points that are near the clearance.
+    If less than the exact distance is asked for, rounds cost as much as they save.
     """
-    distance, limit = progress.distance, progress.limit
-    if limit >= _FAR * distance:
-        return distance < _FAR * progress.approached
-    return progress.bound_tests >= progress.patience and (
-        distance < _WITHIN_REACH * limit or limit >= enough(progress)
-    )
+    distance = progress.distance
+    return progress.limit >= _FAR * distance and distance < _FAR * progress.approached
 
 
 @kernel
@@ -117,15 +105,11 @@ def come_nearer(tree_a, tree_b, state, found):
     """
     progress = state.progress[0]
     least = least_open(state.open, state)
-    steps = _QUERY
-    if progress.limit < _FAR * progress.distance:
-        steps = min(max(_ROUGH, progress.bound_tests // _SHARE), _QUERY)
     for _ in range(_ROUNDS):
         before = progress.distance
         if before - progress.slack <= progress.stop or progress.limit <= least:
             break
-        approach(tree_a, tree_b, state, steps, found)
+        approach(tree_a, tree_b, state, _QUERY, found)
         if not progress.distance < _WORTH * before:
             break
     progress.approached = progress.distance
-    progress.patience = _LONGER * progress.bound_tests

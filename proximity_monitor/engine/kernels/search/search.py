@@ -41,7 +41,7 @@ from ..base.state import (
     remembers,
 )
 from ..base.tables import is_tree_of, queries_at, state_at, tree_at
-from ..base.trees import DEVIATION, SWEPT
+from ..base.trees import DEVIATION, NONE, SWEPT
 from ..base.vectors import dot, moved, sub
 from ..elements.direction import forget_direction
 from ..elements.primitives import keep
@@ -114,7 +114,7 @@ def begin(tree_a, tree_b, state, pose_a, pose_b, query):
     progress.waiting = 0
     pairs, bounds = state.open.pairs, state.open.bounds
     pairs[0, 0], pairs[0, 1], bounds[0] = 0, 0, -np.inf
-    progress.open, progress.base, progress.frames = 1, 0, 0
+    progress.open, progress.put_off, progress.base, progress.frames = 1, NONE, 0, 0
     progress.level_end, progress.nearest_a, progress.nearest_b = 0, 0, 0
     progress.level_lower, progress.next_lower = 0.0, 0.0
     ta, tb = progress.element_a, progress.element_b
