@@ -79,6 +79,10 @@ class Inputs:
         self._counted: frozenset[bytes] = frozenset()
         self._round: frozenset[str] = frozenset()
         self._awaited: set[str] = set()
+        self._stamp_ns = -1  # of the last good message, and the bodies that it has told of so far
+        self._stamped: set[str] = set()
+        self._in_step = False  # whether the bodies of a round had one stamp, not long ago
+        self._extended = False  # whether this round waits for the rest of a stamp
         self.woken = False
         """Whether a body that rested has moved since the round began. Only poses that arrive for
         one body alone count, not those of arrays or joints."""
@@ -106,7 +110,7 @@ class Inputs:
             return reason
         matrix = pose_matrix(pose.position, pose.quaternion)
         self.woken |= last.keep(matrix, pose.stamp_ns)
-        self._awaited.discard(name)
+        self._heard([name], pose.stamp_ns)
         return None
 
     def store_array(
@@ -235,14 +239,17 @@ class Inputs:
         return found
 
     def await_again(self, names: Iterable[str]) -> None:
-        """Begin a new round, which is `complete` once each of these bodies has a new pose."""
+        """Begin a new round, which is `complete` once each of these bodies has a new pose.
+
+        If their poses come in step, all new poses also have one stamp.
+        """
         self._round = frozenset(names)
         self.woken = False
         self.renew()
 
     def renew(self) -> None:
         """Wait once more for new poses of all bodies of the round."""
-        self._awaited = set(self._round)
+        self._awaited, self._extended = set(self._round), False
 
     @property
     def complete(self) -> bool:
@@ -325,8 +332,29 @@ class Inputs:
             else:
                 self._last[names[i]].keep(poses[i], stamp_ns)
                 kept.append(names[i])
-        self._awaited.difference_update(kept)
+        self._heard(kept, stamp_ns)
         return len(kept)
+
+    def _heard(self, names: Sequence[str], stamp_ns: int) -> None:
+        """Note that bodies have new poses with this stamp.
+
+        If bodies get their poses one after another, each moment with one stamp, a round could end
+        between the first and the last pose of a moment, and so would every later round. So a round
+        of such bodies ends when all have the same stamp; but it is extended only once, for sources
+        may cease to be in step.
+        """
+        self._awaited.difference_update(names)
+        if stamp_ns != self._stamp_ns:
+            self._stamp_ns, self._stamped = stamp_ns, set()
+        self._stamped.update(names)
+        as_one = len(self._stamped) >= len(self._round) and self._round <= self._stamped
+        if as_one:
+            self._in_step = True
+        elif not self._awaited and self._in_step:
+            if self._extended:
+                self._in_step = False
+            else:
+                self._awaited, self._extended = set(self._round - self._stamped), True
 
     def _count(self, tests: Iterable[tuple[str, np.ndarray]]) -> np.ndarray:
         """Count each failure by the first test that fails; return a mask of what passes all."""

@@ -194,6 +194,33 @@ def test_a_round_is_complete_when_all_that_are_awaited_spoke(inputs):
     assert inputs.complete
 
 
+def _rounds(inputs, heard):
+    """Hear (body, stamp) in turn; return at which a round was complete, and begin another there."""
+    pose, ended = pose_matrix((0, 0, 0), (0, 0, 0, 1))[None], []
+    inputs.await_again(["one", "two"])
+    for body, stamp in heard:
+        inputs.store_many([body], pose, 10 * SECOND + stamp, "cell", 10 * SECOND)
+        if inputs.complete:
+            ended.append((body, stamp))
+            inputs.await_again(["one", "two"])
+    return ended
+
+
+def test_a_round_ends_with_poses_of_one_moment(inputs):
+    """A tick between two poses of a moment must not shift all later ticks to there."""
+    heard = [(body, k) for k in range(6) for body in ("one", "two")]
+    assert _rounds(inputs, heard[1:]) == [("one", 1), *[("two", k) for k in range(2, 6)]]
+
+
+def test_bodies_that_are_not_in_step_are_not_waited_for(inputs):
+    heard = [(body, 2 * k + (body == "two")) for k in range(1, 5) for body in ("one", "two")]
+    assert _rounds(inputs, heard) == [("two", 2 * k + 1) for k in range(1, 5)]
+    in_step = [(body, 20) for body in ("one", "two")]
+    ceased = [(body, 2 * k + (body == "two")) for k in range(11, 16) for body in ("one", "two")]
+    ended = [stamp for _, stamp in _rounds(inputs, in_step + ceased)]
+    assert ended == [20, 24, 26, 28, 30], "only one round is extended, by one pose"
+
+
 def test_a_body_wakes_that_rested_and_moves(inputs):
     stamps = count(10 * SECOND)
 

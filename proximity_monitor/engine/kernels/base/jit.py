@@ -2,7 +2,8 @@
 
 `entry` marks the few functions that Python calls; their machine code is cached on disk. `kernel`
 marks a helper, which is linked into each entry that calls it; its LLVM code is cached. `shared`
-marks a large helper that several entries call; it is compiled once, and cached like an entry.
+marks a large helper that several entries call; it is compiled once, and cached like an entry (and
+if it is `lazy`, only when a search first calls it; see lazy.py).
 `loop16` is `kernel` with the fast-math flags that LLVM needs to vectorise a loop over 16 lanes. NaN
 and infinity keep their meaning in it. Its results serve as bounds only with a margin that covers
 reordered sums.

@@ -6,8 +6,7 @@ of a Python function, which compiles or loads the part, replaces the address, an
 a search does the same whether its parts were compiled before or not.
 
 Ctrl-C or an error of the compiler cannot pass through the search. The call then ends as if the part
-had used up the steps of the slice, and whoever runs the search calls `raise_failed` after each
-slice.
+had used up the steps of the slice. Whoever runs the search calls `raise_failed` after each slice.
 """
 
 from __future__ import annotations
@@ -37,8 +36,8 @@ ALL_STEPS = 1 << 62
 failed: dict[int, BaseException] = {}
 """What was raised while a part was compiled, by the number of the thread."""
 
-_ON_LINE = {int64: ctypes.c_int64, float64: ctypes.c_double}
-"""How C passes the types of arguments; all others are addressed."""
+_NUMBERS = {int64: ctypes.c_int64, float64: ctypes.c_double}
+"""The types of arguments that are numbers. All others are passed as pointers."""
 
 
 def raise_failed() -> None:
@@ -60,7 +59,7 @@ class Part:
         self.kernel, self.arguments, self.nothing = kernel, arguments, nothing
         about = crc32(repr(arguments).encode())
         self._symbol = f"lazy.{kernel_name(kernel.py_func)}.{about:08x}"
-        passed = [_ON_LINE.get(each, ctypes.c_void_p) for each in arguments]
+        passed = [_NUMBERS.get(each, ctypes.c_void_p) for each in arguments]
         self._form = ctypes.CFUNCTYPE(ctypes.c_int32, *[ctypes.c_void_p] * 2, *passed)
         self._first = self._form(self._bind_and_call)
         self._address = ctypes.cast(self._first, ctypes.c_void_p)
@@ -79,12 +78,13 @@ class Part:
         self._address.value = found.library.get_pointer_to_function(found.fndesc.llvm_func_name)
 
     def _bind_and_call(self, *passed: Any) -> int:
+        """Do what the part does; called by searches. An exception cannot leave this function."""
         try:
             self.bind()
+            self._form(self._address.value)(*passed)
         except BaseException as error:  # Ctrl-C, too
             failed[get_ident()] = error
-            return 0
-        return self._form(self._address.value)(*passed)
+        return 0
 
     def call(self, context: Any, builder: Any, given: list[Any]) -> Any:
         """Generate a call of the part."""
