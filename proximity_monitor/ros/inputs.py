@@ -81,7 +81,7 @@ class Inputs:
         self._awaited: set[str] = set()
         self._stamp_ns = -1  # of the last good message, and the bodies that it has told of so far
         self._stamped: set[str] = set()
-        self._in_step = False  # whether the bodies of a round had one stamp, not long ago
+        self._in_step = True  # whether all bodies of a round seem to have one stamp
         self._extended = False  # whether this round waits for the rest of a stamp
         self.woken = False
         """Whether a body that rested has moved since the round began. Only poses that arrive for
@@ -241,9 +241,10 @@ class Inputs:
     def await_again(self, names: Iterable[str]) -> None:
         """Begin a new round, which is `complete` once each of these bodies has a new pose.
 
-        If their poses come in step, all new poses also have one stamp.
+        Without any body, each body is awaited that gets poses of its own: at the start, they come
+        one after another. If poses come in step, all new poses also have one stamp.
         """
-        self._round = frozenset(names)
+        self._round = frozenset(names) or frozenset(self.names) - self.attached
         self.woken = False
         self.renew()
 
