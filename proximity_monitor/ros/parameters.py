@@ -90,9 +90,9 @@ SPECS: Mapping[str, Spec] = {
     "markers": Spec(True, "Publish ~/markers and ~/parts if they have subscribers."),
     "tick_on_pose": Spec(
         True,
-        "Tick as soon as every body has a new pose, or a body at rest has moved, but at most"
-        " rate_hz times per second; tick at rate_hz if no poses come. false: always tick at"
-        " rate_hz.",
+        "Tick as soon as every body has a new pose (of one stamp, if poses come in step), or a body"
+        " at rest has moved, but at most rate_hz times per second; tick at rate_hz if no poses"
+        " come. false: always tick at rate_hz.",
     ),
     "record_distances": Spec(
         False,

@@ -35,6 +35,9 @@ _FAR = 0.97
 """More rounds pay once the search has found a distance below this share of the one that it began
 with, or had after the last rounds. Along a path it never does, and no rounds are made."""
 
+_LONG = 256 * WIDTH
+"""A search with a tolerance is long after so many bound tests."""
+
 _RENEWAL, _STALE = 200 * WIDTH, 0.05
 """Bound tests of searches with a tolerance until the nearest points are renewed (see `renew`); and
 the least tolerance, as a share of the distance, for which this is done.
@@ -91,10 +94,13 @@ def renew(tree_a, tree_b, state):
 def far_from_nearest(progress):
     """Return whether the descent has found so much nearer points that `approach` is worth the time.
 
-    If less than the exact distance is asked for, rounds cost as much as they save.
+    If less than the exact distance is asked for, rounds pay in long searches only; and never if the
+    question is whether anything is within a clearance.
     """
-    distance = progress.distance
-    return progress.limit >= _FAR * distance and distance < _FAR * progress.approached
+    distance, limit = progress.distance, progress.limit
+    if limit < _FAR * distance and (progress.bound_tests < _LONG or limit < enough(progress)):
+        return False
+    return distance < _FAR * progress.approached
 
 
 @kernel
