@@ -2,8 +2,8 @@
 
 If nothing is known that is near, the first limit is far too large. Then a pair with a bound near
 the limit is put off, to be opened after all others. By then nearer elements have mostly been found,
-and the lower limit prunes it. Such pairs wait at the end of the arrays. They save a quarter of the
-openings at random poses.
+and the lower limit prunes it. Such pairs wait at the end of the arrays. This saves a fifth of the
+openings at random poses in a cave.
 """
 
 from __future__ import annotations
