@@ -46,7 +46,7 @@ SOURCES = ("PQP.cpp", "BV.cpp", "Build.cpp", "TriDist.cpp")
 SETTINGS = tuple((queue, cached) for queue in (2, 100) for cached in (1, 0))
 BATCH, FEW, SLOW_S = 256, 12, 0.001
 """Poses of a block: BATCH, or FEW if the scene's first query takes PQP SLOW_S seconds or more."""
-ROUNDS, BLOCKS, QUICK, IDEAL = 5, 12, 3, 48
+ROUNDS, BLOCKS, QUICK, IDEAL = 5, 12, 3, 480
 """How often a block is asked; blocks of a scene, and with --quick; poses for the ideal search."""
 HOPELESS, LONG_S = 1.25, 0.1
 """A setting that took HOPELESS times as long as the best one so far is given up. A block that

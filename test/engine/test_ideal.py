@@ -11,7 +11,7 @@ from proximity_monitor.engine import Status
 from proximity_monitor.engine.kernels.base.state import ENDED, LOWER
 from proximity_monitor.engine.questions import slices
 from proximity_monitor.engine.questions.run import Search
-from proximity_monitor.study.scenes import SCENES
+from proximity_monitor.study.scenes import SCENES, rotation_poses
 
 A, B = sphere(3), torus(24)
 
@@ -55,11 +55,14 @@ def _to_ideal(scene, poses):
     scene = SCENES[scene]()
     track = scene.tracks[0]
     a, b = (engine.TriangleMesh(*scene.meshes[name]) for name in (track.a, track.b))
-    places = track.poses_a[poses], track.poses_b[poses]
-    found = engine.distances(a, places[0], b, places[1], rel_err=0.1)
+    return _batch_to_ideal(a, track.poses_a[poses], b, track.poses_b[poses])
+
+
+def _batch_to_ideal(a, poses_a, b, poses_b):
+    found = engine.distances(a, poses_a, b, poses_b, rel_err=0.1)
     pair = engine.Pair(a, b, coherent=False)
-    ideal = [pair.ideal(*at, rel_err=0.1).bound_tests for at in zip(*places, strict=True)]
-    return found.bound_tests, np.array(ideal)
+    places = zip(poses_a, poses_b, strict=True)
+    return found.bound_tests, np.array([pair.ideal(*at, rel_err=0.1).bound_tests for at in places])
 
 
 def test_along_a_path_a_tolerance_comes_near_the_ideal():
@@ -72,15 +75,30 @@ def test_along_a_path_a_tolerance_comes_near_the_ideal():
     assert found[1:].sum() < 1.3 * ideal[1:].sum()
 
 
+def test_along_a_path_of_long_steps_a_tolerance_comes_near_the_ideal():
+    """The nearest points are renewed although each step is a leap.
+
+    If they are renewed only after short steps, this takes 1.7 times the tests of the ideal.
+    """
+    steps, across = np.arange(200), np.array([0.8, 0.0, -0.6])
+    poses_a = rotation_poses(np.array([0.0, 0.6, 0.8]), 0.1 * steps)
+    poses_b = rotation_poses(across, 0.02 * steps)
+    poses_b[:, :3, 3] = 2.0, 0.3, 0.2
+    found, ideal = _batch_to_ideal(torus(128), poses_a, torus(64), poses_b)
+    assert found.sum() < 1.4 * ideal.sum()
+
+
 def test_random_poses_in_a_cave_come_near_the_ideal_with_a_tolerance():
     """Volumes near the first limit, which is far too large, are put off (see search/stack.py).
 
-    Otherwise this takes 1.5 times the tests of the ideal.
+    Otherwise this takes 1.5 times the tests of the ideal, and 1.36 times where the models are
+    apart.
     """
-    found, ideal = _to_ideal("cave/random", slice(0, 120))
+    found, ideal = _to_ideal("cave/random", slice(0, 400))
+    assert found.sum() < 1.34 * ideal.sum()
     apart = ideal > 0  # where the models cross, the ideal search has nothing to do
-    assert 40 < apart.sum() < 100
-    assert found[apart].sum() < 1.3 * ideal[apart].sum()
+    assert 200 < apart.sum() < 350
+    assert found[apart].sum() < 1.22 * ideal[apart].sum()
 
 
 @pytest.mark.parametrize("rel_err", [0.0, 0.1])

@@ -18,7 +18,7 @@ from ..elements.primitives import collect
 from ..inside.nearest import Point, begin_nearest, nearest, walk
 from ..inside.visit import ROOM, at_root, descend
 from ..search import stubs
-from ..search.approach import far_from_nearest, renew
+from ..search.approach import far_from_nearest
 from ..surface import cell_proofs  # noqa: F401 - it implements what proofs ask of cells
 from ..surface.around import Around
 from ..surface.divide import add_elements, divide_nearest
@@ -139,7 +139,6 @@ def _settle(waiting, tree_a, tree_b, state):
         tree_a, tree_b, state, progress.element_a, (wa[0], wa[1], wa[2]),
         progress.element_b, (wb[0], wb[1], wb[2]), MOST,
     )  # fmt: skip
-    renew(tree_a, tree_b, state)
 
 
 @_implements(stubs.measure)

@@ -35,17 +35,17 @@ _FAR = 0.97
 """More rounds pay once the search has found a distance below this share of the one that it began
 with, or had after the last rounds. Along a path it never does, and no rounds are made."""
 
-_LONG = 256 * WIDTH
+_LONG = 512 * WIDTH
 """A search with a tolerance is long after so many bound tests."""
 
 _RENEWAL, _STALE = 200 * WIDTH, 0.05
-"""Bound tests of searches with a tolerance until the nearest points are renewed (see `renew`); and
+"""Bound tests of searches with a tolerance until the nearest points are renewed (see `_renew`); and
 the least tolerance, as a share of the distance, for which this is done.
 
 Such a search finds no points that are nearer by less than the tolerance. So the points with which
 the next search begins are too far by more and more, and so is the limit, and it opens more volumes:
-along a path half as many again for a tolerance of 10 %. Renewing the points takes as long as about
-30 openings.
+along a path half as many again for a tolerance of 10 %. Renewing the points counts for about 30
+openings.
 """
 _POOR, _POOR_SHARE, _PATH = 0.1, 0.25, 0.02
 """The remembered elements are too far to begin with if their distance exceeds the last distance by
@@ -55,39 +55,43 @@ volumes open; but at least _PATH, by which distances change from step to step of
 """
 
 
+@inlined
+def _renew(tree_a, tree_b, state):
+    """Bring the points to begin with nearer, if this is due (see _RENEWAL)."""
+    progress = state.progress[0]
+    stale = progress.rel_err * progress.distance + progress.abs_err >= _STALE * progress.distance
+    if remembers(state) and stale and progress.spent >= _RENEWAL:
+        progress.spent = 0
+        approach(tree_a, tree_b, state, _QUERY, on_stack(WIDTH, np.float32(0.0)))
+
+
 @kernel
 def begin_near(tree_a, tree_b, state, last):
     """Begin with other elements if the remembered ones are now much farther apart than before.
 
-    After a leap of the models, the remembered elements say nothing, however near they are. Then the
-    first limit is too large, too, and pairs of volumes near it are put off (see stack.py). `last`
-    is the distance (m) with which the search before ended.
+    After a leap of the models, others may be nearer, however near these are. Then the first limit
+    is too large, too, and pairs of volumes near it are put off (see stack.py). `last` is the
+    distance (m) with which the search before ended.
     """
     progress = state.progress[0]
     progress.approached = np.inf
     if progress.limit < enough(progress):
         return
     near = (1.0 + max(progress.rel_err, _POOR)) * last
+    stays = progress.distance <= near
     leapt = has_leapt(tree_a, tree_b, state)
-    if progress.distance <= near and not leapt:
+    if stays and not leapt:
         settle(state.waiting, tree_a, tree_b, state)
     poor = _POOR if progress.rel_err == 0.0 else max(_POOR_SHARE * progress.rel_err, _PATH)
-    if leapt or progress.distance > (1.0 + poor) * last:
+    remembered = progress.distance
+    if leapt or remembered > (1.0 + poor) * last:
         guess(tree_a, tree_b, state)
-    if progress.distance <= near:
+    if stays:
+        if progress.distance == remembered:  # else the guess is a new beginning
+            _renew(tree_a, tree_b, state)
         progress.approached = progress.distance
     if leapt or progress.distance > near or not remembers(state):
         progress.put_off = 0
-
-
-@inlined
-def renew(tree_a, tree_b, state):
-    """Bring the nearest points of the search before nearer, if this is due (see _RENEWAL)."""
-    progress = state.progress[0]
-    stale = progress.rel_err * progress.distance + progress.abs_err >= _STALE * progress.distance
-    if remembers(state) and stale and progress.spent >= _RENEWAL:
-        progress.spent = 0
-        approach(tree_a, tree_b, state, _QUERY, on_stack(WIDTH, np.float32(0.0)))
 
 
 @inlined

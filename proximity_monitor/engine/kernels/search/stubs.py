@@ -102,8 +102,7 @@ def prepare(waiting, tree_a, tree_b, state):
 def settle(waiting, tree_a, tree_b, state):
     """Move the nearest points of the search before to where the elements are nearest now.
 
-    If elements are measured as a whole, the search finds these points soon enough, except with a
-    tolerance: see `approach.renew`.
+    If elements are measured as a whole, the search finds these points soon enough.
     """
 
 
