@@ -15,8 +15,8 @@ from ..search import stubs
 from ..tree.layout import WIDTH, radius_of, row
 
 _SPARE = 0.05
-"""A query for the nearest triangle may miss it by this share of the search's tolerance. At 10 %,
-such a query takes half the steps of an exact one, and the search opens as few volumes after it."""
+"""A query for the nearest triangle may find one that is this share of the search's tolerance too
+far. At 10 %, such a query takes half the steps of an exact one, and serves as well."""
 
 _WALKS, _GAIN = 8, 0.9
 """Most walks down either hierarchy for a guess; and the share of the squared distance below which
