@@ -124,6 +124,7 @@ POINTS = tree()["shape"]["data"][0]["control_points"]["points"]
 BAD = {
     "no JSON": (b"{]", "invalid JSON"),
     "infinite": (b'{"shape": Infinity}', "Infinity is not a number"),
+    "a key twice": (b'{"shape": {"type": "curve", "type": "surface"}}', "'type' appears twice"),
     "another JSON": ([1, 2], "shape is missing"),
     "no type": ({"shape": {}}, "shape.type is missing"),
     "volume": ({"shape": {"type": "volume"}}, "shape.type = 'volume': must be 'curve' or"),

@@ -145,9 +145,10 @@ BAD = {
     "glb head": ("a.glb", VALID["box.glb"][:12], "declares [0-9]+ bytes, but has 12"),
     "glb chunk": ("a.glb", triangle_glb()[:8] + b"\x14\0\0\0\xff\0\0\0JSON", "chunk of 255 bytes"),
     "glb version": ("a.glb", b"glTF\1\0\0\0" + triangle_glb()[8:], "GLB file of version 2"),
+    "gltf key twice": ("a.gltf", b'{"asset": {}, "asset": {}}', "the key 'asset' appears twice"),
     "glb no json": ("a.glb", b"glTF\2\0\0\0\x0c\0\0\0", "has no JSON chunk"),
     "glb list": ("a.glb", glb([1]), "its JSON is not an object"),
-    "glb bad json": ("a.glb", triangle_glb().replace(b'{"asset', b"{,asset"), "JSONDecodeError"),
+    "glb bad json": ("a.glb", triangle_glb().replace(b'{"asset', b"{,asset"), "invalid JSON"),
     "glb buffer": (
         "a.glb",
         triangle_glb(buffers=[{"byteLength": 99}]),

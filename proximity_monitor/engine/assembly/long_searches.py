@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.base import state as index
+from ..kernels.base.cache import KernelCache
 from ..models.model import Model
 from ..questions.ball import solid_kind
 from ..questions.pair import Pair
@@ -251,12 +252,12 @@ def prepare(assembly: Assembly) -> None:
 
 
 def _compile(ask: Callable[..., object], *poses: object, **options: object) -> None:
-    """Ask until nothing is compiled any more.
+    """Ask until all kernels that the query needs are there.
 
-    Compiling uses up the budget before the query needs all of its kernels, so ask it again.
+    Compiling uses up the budget before the query needs all of them, so ask it again.
     """
     for _ in range(_MOST_ASKED):
-        begun = perf_counter()
+        before = KernelCache.obtained
         ask(*poses, **options)
-        if perf_counter() - begun < 2.0 * _ASK_S:
+        if KernelCache.obtained == before:
             break

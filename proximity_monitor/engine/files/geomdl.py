@@ -21,7 +21,7 @@ from ..models.checks import ModelError
 from ..models.patch import Curve, Patch
 from ..models.revolution import SolidOfRevolution
 from ..models.surface import ParametricSurface, Surface
-from .text import without_mark
+from .json import json_of
 from .triangles import FormatError, Reals
 
 if TYPE_CHECKING:
@@ -38,10 +38,7 @@ def read_geomdl(data: bytes, file: Path, how: Reading) -> Surface:
         raise FormatError(f"volume = {how.volume!r}: must be 'rss' for parametric surfaces")
     if how.solid == "robust":
         raise FormatError("solid = 'robust': only for meshes; use True, False or None")
-    try:
-        tree = json.loads(without_mark(data), parse_constant=_no_number)
-    except (ValueError, RecursionError) as error:
-        raise FormatError(f"invalid JSON: {error}") from None
+    tree = json_of(data)
     if isinstance(tree, dict) and "revolution" in tree:
         if "shape" in tree:
             raise FormatError("has both 'shape' and 'revolution': put them into two files")
@@ -151,10 +148,6 @@ def _reals(values: Any, what: str, dimensions: int) -> Reals:
     if array.ndim != dimensions:
         raise FormatError(f"{what}: shape {array.shape}, expected {dimensions} dimensions")
     return array.astype(np.float64)
-
-
-def _no_number(word: str) -> float:
-    raise ValueError(f"{word} is not a number in JSON")
 
 
 def save_geomdl(model: Surface, path: str | PathLike[str]) -> None:

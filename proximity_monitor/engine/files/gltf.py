@@ -7,7 +7,6 @@ instancing) are refused by name. Nodes without a mesh, points, lines and materia
 from __future__ import annotations
 
 import base64
-import json
 import os
 from collections.abc import Mapping
 from pathlib import Path
@@ -17,7 +16,7 @@ from urllib.parse import unquote, unquote_to_bytes, urlsplit
 import numpy as np
 from numpy.typing import NDArray
 
-from .text import without_mark
+from .json import json_of
 from .triangles import (
     FormatError,
     Ints,
@@ -70,7 +69,7 @@ class _Document:
     """The JSON of a file, with its buffers."""
 
     def __init__(self, text: bytes, folder: Path, chunk: bytes | None) -> None:
-        self._tree = json.loads(without_mark(text), parse_constant=_no_number)
+        self._tree = json_of(text)
         if not isinstance(self._tree, dict):
             raise FormatError("its JSON is not an object")
         version = self._tree.get("asset", {}).get("version")
@@ -213,10 +212,6 @@ class _Document:
             return file.read_bytes()
         except OSError as error:
             raise FormatError(f"{name}: {file} cannot be read: {error.strerror}") from None
-
-
-def _no_number(word: str) -> float:
-    raise FormatError(f"{word} is not a number in JSON")
 
 
 def _faces(mode: int, corners: Ints, count: int, name: str) -> Ints:

@@ -213,6 +213,9 @@ class _Cache:
 class KernelCache(_Cache):
     """The cache of a kernel that is stored as machine code."""
 
+    obtained = 0
+    """How many kernels this process has compiled or loaded so far."""
+
     _suffix = ".nbc"
 
     def load_overload(self, signature, target):
@@ -229,6 +232,7 @@ class KernelCache(_Cache):
                 kept = self._load(name, target)
             if kept is not None:
                 claims.release(CACHE_DIRECTORY / name)
+        KernelCache.obtained += kept is not None
         return kept
 
     def is_wanting(self, signature, target) -> bool:
@@ -239,6 +243,7 @@ class KernelCache(_Cache):
 
     def save_overload(self, signature, compiled) -> None:
         """Store compiled code in the cache, if possible."""
+        KernelCache.obtained += 1
         if _is_foreign(signature):
             return
         name = self._name(signature, compiled.codegen)

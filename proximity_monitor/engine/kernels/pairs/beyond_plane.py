@@ -27,6 +27,7 @@ from ..base.vectors import dot, turned_back
 from ..bounds.cross import along_node, left_between
 from ..elements.direction import begin_of
 from ..revolution.outline import outline_along
+from ..search.stack import close_all
 from ..surface.facing import vector
 from ..surface.reach import reach_along
 from ..tree.layout import EMPTY, WIDTH, first_of, last_of
@@ -138,7 +139,7 @@ def end_where_held(mesh, progress):
             if below != EMPTY:
                 stack[top] = below
                 top += 1
-    progress.open = progress.put_off = progress.waiting = 0
+    close_all(progress)
     return nodes
 
 

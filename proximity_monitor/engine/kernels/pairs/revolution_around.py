@@ -25,6 +25,7 @@ from ..revolution.coaxial import circle_of, is_round
 from ..revolution.meridian import chord_of
 from ..revolution.reach import bulge, most_in
 from ..revolution.straight import PAIR_MARGIN, SHORT, STACK, put, put_parts, sector_around
+from ..search.stack import close_all
 from ..surface.facing import vector
 from ..tree.layout import radius_of, row
 from .revolution_mesh import LOOK, frame_of, keep_nearest
@@ -204,7 +205,7 @@ def go_around(surface, mesh, state):
     progress.bound_tests += looks
     progress.beside = top if held else 0
     if top == 0 and held:
-        progress.open = progress.put_off = progress.waiting = 0
+        close_all(progress)
     if top == 0 or not held:
         return 1 + cost // LOOK
     return progress.steps

@@ -40,6 +40,7 @@ from ..revolution.straight import (
     segment_beside,
 )
 from ..revolution.triangle import nearest_of_triangle
+from ..search.stack import close_all
 from ..surface.facing import vector
 from .beyond_plane import is_held_off
 from .revolution_mesh import LOOK, frame_of, keep_nearest
@@ -161,7 +162,8 @@ def go_beside(surface, mesh, state):
         least = min(least, pairs[2 * k].bound)
     least -= 2.0 * progress.slack
     if held and least >= progress.limit:
-        progress.open = progress.put_off = progress.waiting = progress.beside = 0
+        close_all(progress)
+        progress.beside = 0
     if progress.beside == 0:
         return 1 + looks // LOOK
     # Everything else is beyond the limit.

@@ -100,3 +100,9 @@ def _least(open_pairs, state):
     for k in range(1, progress.put_off + 1):
         least = min(least, bounds[len(bounds) - k])
     return least
+
+
+@inlined
+def close_all(progress):
+    """Close all open and waiting pairs: nothing under them is nearer than the limit."""
+    progress.open = progress.put_off = progress.waiting = 0
