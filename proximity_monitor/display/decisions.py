@@ -128,7 +128,7 @@ def read(path: Path) -> dict[str, Any]:
     if len(data) > BYTES:
         raise ValueError(f"it has more than {BYTES} bytes")
     try:
-        told = json.loads(data)
+        told = json.loads(data, object_pairs_hook=_object)
     except RecursionError as error:
         raise ValueError("it is nested too deeply") from error
     refuse_surrogates(told)
@@ -140,6 +140,14 @@ def read(path: Path) -> dict[str, Any]:
         if not isinstance(each, dict) or not _sound(each):
             raise ValueError(f"conflict {i + 1} in it is not a pair with a status")
     return told
+
+
+def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Return an object, unless writing it again would lose one of its values."""
+    made = dict(pairs)
+    if len(made) < len(pairs):
+        raise ValueError(f"a key appears twice among {', '.join(key for key, _ in pairs)}")
+    return made
 
 
 def _sound(each: Mapping[str, Any]) -> bool:

@@ -102,8 +102,9 @@ def test_what_others_wrote_in_the_file_stays_and_is_seen(scene, beside):
         SEEN % '"000001"',
         b"\xff\xfe{}",
         '{"version": 1, "conflicts": [{"a": "x", "b": "y", "status": "new", "state": "\\ud83d"}]}',
+        '{"version": 1, "conflicts": [], "conflicts": []}',
     ],
-    ids=["cut", "list", "deep", "version", "status", "nan", "five", "eye", "text", "bytes", "half"],
+    ids=["cut", "list", "deep", "old", "bad", "nan", "five", "eye", "text", "bytes", "half", "two"],
 )
 def test_a_file_that_cannot_be_read_is_named_and_left_and_nothing_is_lost(scene, beside, content):
     data = content if isinstance(content, bytes) else content.encode()
