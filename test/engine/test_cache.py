@@ -332,3 +332,35 @@ def test_what_was_made_for_a_profiler_is_for_no_other_process(kept, tmp_path, se
 
 def test_this_numba_has_every_setting_that_names_a_kernel():
     assert [each for each in cache._OPTIONS if not hasattr(cache.numba.config, each)] == []
+
+
+INTERRUPTED = """
+import numpy
+from numba.core.registry import cpu_target
+from proximity_monitor.engine.poses import check_pose
+llvm = cpu_target.target_context.codegen()._engine._ee
+seen, hook = set(), llvm._object_cache_{0}
+def interrupt(module, *code):
+    if module.name not in seen:
+        seen.add(module.name)
+        raise KeyboardInterrupt
+    return hook(module, *code)
+llvm._object_cache_{0} = interrupt
+try:
+    for _ in range(9):
+        check_pose(numpy.eye(4))
+except KeyboardInterrupt:
+    check_pose(numpy.eye(4))
+else:
+    raise AssertionError("the interrupt was lost")
+"""
+
+
+@pytest.mark.parametrize("callback", ["getbuffer", "notify"])
+def test_an_interrupt_while_llvm_asks_for_code_or_returns_it_is_raised(callback, warm, tmp_path):
+    """Python cannot raise it in LLVM's callback. Without a check, loading then writes to address 0.
+
+    The kernel is loaded in one case, and compiled in the other.
+    """
+    told = run(INTERRUPTED.format(callback), warm if callback == "getbuffer" else tmp_path)
+    assert "Exception ignored on calling ctypes callback" in told

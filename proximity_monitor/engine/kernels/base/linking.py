@@ -19,7 +19,7 @@ from llvmlite.binding import ModuleRef, get_host_cpu_features, parse_bitcode
 from numba import types
 from numba.core import typed_passes, untyped_passes
 from numba.core.bytecode import FunctionIdentity
-from numba.core.codegen import CodeLibrary, JITCodeLibrary
+from numba.core.codegen import CodeLibrary, JITCodeLibrary, JITCPUCodegen
 from numba.core.compiler import Compiler, CompileResult, DefaultPassBuilder
 from numba.core.compiler_machinery import PassManager
 from numba.core.cpu_options import FastMathOptions
@@ -151,6 +151,8 @@ class _Root(_Library):
         self._linking_libraries = helpers + others
         self._helpers = {f.name for each in helpers for f in each.get_defined_functions()}
         super().finalize()
+        if not self._compiled:  # see `_set_env_of_code`; LLVM returns code by a callback, too
+            raise KeyboardInterrupt
         for each in self._final_module.global_variables:
             if each.name.startswith(_OBJECTS) and (objects := lookup_environment(each.name)):
                 self._codegen.set_env(each.name, objects)
@@ -263,3 +265,21 @@ def _encoded(self: FastMathOptions) -> str:
 
 
 FastMathOptions.encode = _encoded
+
+
+_set_env = JITCPUCodegen.set_env
+
+
+def _set_env_of_code(self: JITCPUCodegen, name: str, objects: Any) -> None:
+    """Do as numba does, but raise KeyboardInterrupt if LLVM did not get the function's code.
+
+    LLVM gets code from the cache by a callback to Python. If Ctrl-C comes in this callback, Python
+    drops the exception, and LLVM goes on without the code. Numba would then write to address 0,
+    which crashes the process. The function can be loaded again.
+    """
+    if not self._engine.get_global_value_address(name):
+        raise KeyboardInterrupt
+    _set_env(self, name, objects)
+
+
+JITCPUCodegen.set_env = _set_env_of_code
