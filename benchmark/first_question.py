@@ -11,6 +11,7 @@ run meanwhile.
 
 from __future__ import annotations
 
+import argparse
 import json
 import os
 import subprocess
@@ -69,6 +70,9 @@ def _measure(*about: str) -> tuple[float, float]:
 
 def main() -> None:
     """Measure and print a table."""
+    argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    ).parse_args()
     print("| pair of kinds | models, s | distance, s | Assembly, s |\n|---|---|---|---|")
     for pair in _PAIRS:
         models, single = _measure(*pair, "distance")

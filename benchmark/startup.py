@@ -9,6 +9,7 @@ short that other programs would distort the clock's time.
 
 from __future__ import annotations
 
+import argparse
 import json
 import os
 import statistics
@@ -58,6 +59,9 @@ print(json.dumps({
 
 def main() -> None:
     """Measure and print a table."""
+    argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    ).parse_args()
     with tempfile.TemporaryDirectory() as cache:
         environment = {**os.environ, "NUMBA_CACHE_DIR": cache}
         cold = _run(environment)
