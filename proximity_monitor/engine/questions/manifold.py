@@ -171,7 +171,7 @@ class Candidates:
 
     def _sides(self) -> tuple[Regions, Regions]:
         if not self.made:
-            cells = (None, None) if self.divided is None else self.divided.sides
+            cells = (None, None) if self.divided is None else self.divided.cells().sides
             self.made.extend(map(regions_of, self.hierarchies, cells))
         a, b = self.made
         return a, b

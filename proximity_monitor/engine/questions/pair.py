@@ -27,6 +27,9 @@ from .touching import PieceSearch
 
 _ANY = math.inf
 
+_HAND_OVER_S = 3e-5
+"""Seconds that a search takes to hand over all pairs that may be nearest."""
+
 
 class Pair:
     """Two models that are asked about repeatedly.
@@ -210,14 +213,13 @@ class Pair:
             return Collision(search.answer, first, _is_whole(search, code))
         if not are_divided(self.a._hierarchy, self.b._hierarchy):
             return Collision(search.answer, first, _is_whole(search, code))
-        pieces = self._pieces
-        if pieces is None or self._asked is None or pieces.question != self._asked:
-            pieces = self._pieces = PieceSearch(search, (pose_a, pose_b), self._asked)
+        pieces = self._pieces or PieceSearch(search, (pose_a, pose_b))
+        self._pieces = None  # an interrupt may leave it half done
         deadline = None if budget_s is None else deadline_of(start, budget_s)
         ended = pieces.run(deadline)
-        if ended:
-            self._pieces = None
-        elif not pieces.answered:
+        if not ended:
+            self._pieces = pieces
+        if not (ended or pieces.answered):
             return Collision(search.answer, first, False)
         found = pieces.met(first)
         complete = ended and _is_whole(search, code) and found.decided
@@ -251,12 +253,14 @@ class Pair:
         """
         fresh, asked, deadline = True, None, None
         if budget_s is not None:
-            deadline = deadline_of(start, budget_s)
+            deadline = deadline_of(start, budget_s) - (_HAND_OVER_S if collect else 0.0)
             shapes = self.a._hierarchy, self.b._hierarchy
             wanted = rel_err, abs_err, stop, limit, collect, param_err, search.order
             asked = (pose_a.tobytes(), pose_b.tobytes(), wanted, shapes)
             fresh = asked != self._asked
         self._asked = None
+        if fresh:
+            self._pieces = None  # it belongs to what the search has found so far
         code = search.run(
             pose_a, pose_b, rel_err, abs_err, stop, limit, deadline, fresh, collect, param_err
         )

@@ -72,18 +72,23 @@ class Cells(NamedTuple):
 class Divided(NamedTuple):
     """The data of `Cells` as a search keeps them; `cells` sorts them out when they are read."""
 
-    pairs: tuple[NDArray, NDArray]
-    """CELL_PAIR of the kernel's first and second model: those in the heap, those set aside."""
+    pairs: NDArray
+    """CELL_PAIR of the kernel's first and second model."""
     sides: tuple[NDArray, NDArray]
-    """As in `Cells`."""
+    """CELL of the kernel's first model and of its second: those that are in the pairs."""
+    marks: tuple[NDArray[np.bool_], NDArray[np.bool_]]
+    """Which of the search's cells these are."""
     turned: bool
     """Whether the kernel's first model is the second model of the question."""
 
     def cells(self) -> Cells:
         """Make the `Cells`."""
-        names = ("b", "a") if self.turned else ("a", "b")
-        bounds, *sides = (np.concatenate([e[k] for e in self.pairs]) for k in ("bound", *names))
-        return Cells(bounds, np.stack(sides, axis=1), self.sides)
+        numbers = [
+            (mark.cumsum(dtype=np.int32) - 1)[self.pairs[name]] if len(mark) else self.pairs[name]
+            for name, mark in zip(("a", "b"), self.marks, strict=True)
+        ]
+        way = slice(None, None, -1 if self.turned else 1)
+        return Cells(self.pairs["bound"], np.stack(numbers[way], axis=1), self.sides[way])
 
 
 class Search:
@@ -326,7 +331,7 @@ class Search:
 
     def progress_now(self) -> np.void:
         """Return the PROGRESS of the search at this moment: a copy that no search writes to."""
-        return _copies(self.state.progress)[0][0]
+        return _copy(self.state.progress)[0]
 
     def collected(self) -> tuple[NDArray[np.float64], ...]:
         """Return the rows of `State.collected` so far, in blocks that no search writes to again."""
@@ -340,8 +345,10 @@ class Search:
             return None
         progress, pairs = self.progress, waiting.pairs
         heap, aside = pairs[: progress["dividing"]], pairs[len(pairs) - int(progress["aside"]) :]
-        used = waiting.cells_a[: progress["cells_a"]], waiting.cells_b[: progress["cells_b"]]
-        return Divided(_copies(heap, aside), self._as_asked(*_copies(*used)), self._turned)
+        pairs = np.frombuffer(heap.tobytes() + aside.tobytes(), pairs.dtype)
+        cells_a, mark_a = _taken(waiting.cells_a[: progress["cells_a"]], pairs["a"])
+        cells_b, mark_b = _taken(waiting.cells_b[: progress["cells_b"]], pairs["b"])
+        return Divided(pairs, (cells_a, cells_b), (mark_a, mark_b), self._turned)
 
     def pending(self) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
         """Return the pairs of volumes not yet opened: their lanes (k, 2) and lower bounds (k,)."""
@@ -363,6 +370,17 @@ class Search:
         )
 
 
-def _copies(*records: NDArray) -> tuple[NDArray, ...]:
+def _copy(records: NDArray) -> NDArray:
     """Copy one-dimensional records; numpy's own copy goes by field and takes ten times as long."""
-    return tuple([np.frombuffer(each.tobytes(), each.dtype) for each in records])
+    return np.frombuffer(records.tobytes(), records.dtype)
+
+
+def _taken(cells: NDArray, numbers: NDArray[np.int32]) -> tuple[NDArray, NDArray[np.bool_]]:
+    """Copy the cells with these numbers, each once; return them and which they are.
+
+    A search may have made a hundred times as many. Without cells, a number names an element.
+    """
+    mark = np.zeros(len(cells), np.bool_)
+    if len(cells):
+        mark[numbers] = True
+    return cells.view(f"V{cells.itemsize}")[mark].view(cells.dtype), mark

@@ -10,6 +10,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from time import perf_counter
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,54 +35,34 @@ _HALF = 32
 """Bits for the number of an element in a key."""
 
 
+class Prepared(NamedTuple):
+    """Queries about pairs of elements, and the search that answers them."""
+
+    queries: NDArray
+    """(k,) QUERY."""
+    table: NDArray[np.int64]
+    """Their table."""
+    search: Search
+
+
 class PieceSearch:
     """Decides which pairs of elements touch, in slices.
 
     Args:
         search: one that has collected all pairs that may touch, and has ended.
         poses: of both models, (4, 4), model to world.
-        asked: the question, which identifies this search when it is asked again.
     """
 
-    __slots__ = (
-        "_asked", "_beginning", "_fresh", "_poses", "_queries", "_row", "_search", "answers",
-        "question",
-    )  # fmt: skip
+    __slots__ = ("_fresh", "_parts", "_poses", "_prepared", "_row", "answers")
 
     answers: Reals
     """(k, ANSWER), one about each pair; empty before the preparations are done."""
 
-    def __init__(self, search: Search, poses: tuple[Reals, Reals], asked: object) -> None:
-        self.question = asked
+    def __init__(self, search: Search, poses: tuple[Reals, Reals]) -> None:
         self._poses = poses[0].copy(), poses[1].copy()
         self.answers, self._row, self._fresh = np.empty((0, index.ANSWER)), 0, True
-        self._beginning = self._begin(search)
-
-    def _begin(self, search: Search) -> Iterator[None]:
-        """Prepare the queries in parts; yield before each, as it may take longer than a budget."""
-        yield
-        divided = search.divided()
-        yield
-        keys = _keys(*_of_leaves(search))
-        if divided is not None:
-            cells = divided.cells()
-            yield
-            near = cells.pairs[cells.bounds <= search.progress["limit"]]
-            yield
-            keys = np.concatenate((keys, _keys(*_elements_of(near, cells, search))))
-        yield
-        keys = np.unique(keys)
-        yield
-        queries = np.zeros(len(keys), index.QUERY)
-        queries["bodies"], queries["alone"] = (0, 1), 1
-        queries["nearest"][:, 0], queries["nearest"][:, 1] = keys >> _HALF, keys % (1 << _HALF)
-        queries["limit"], queries["param_err"] = math.ulp(0.0), math.inf
-        yield
-        self._queries, self._asked = queries, table((queries,))
-        yield
-        self._search = Search(*search.models, coherent=False)
-        self.answers = np.empty((len(queries), index.ANSWER))
-        yield
+        self._parts = _prepare(search)
+        self._prepared: Prepared | None = None
 
     def run(self, deadline: float | None) -> bool:
         """Go on until a deadline, of perf_counter; return whether all pairs are answered.
@@ -89,16 +70,19 @@ class PieceSearch:
         At least one part of the preparations is done in each call, but none in the first one if the
         search for the pairs has used up the time.
         """
-        for _ in self._beginning:
+        for part in self._parts:
+            if part is not None:
+                self._prepared = part
+                self.answers = np.empty((len(part.queries), index.ANSWER))
             if deadline is not None and perf_counter() + _PART_S >= deadline:
                 return False
-        if self._row < len(self._queries):
-            code, self._row = self._search.run_queries(
-                self._asked, len(self._queries), self._row, *self._poses, deadline, self._fresh,
-                self.answers,
-            )  # fmt: skip
+        prepared, count = self._prepared, len(self.answers)
+        if self._row < count:
+            code, self._row = prepared.search.run_queries(
+                prepared.table, count, self._row, *self._poses, deadline, self._fresh, self.answers
+            )
             self._fresh = code == index.CUT_BETWEEN
-        return self._row == len(self._queries)
+        return self._row == count
 
     @property
     def answered(self) -> int:
@@ -108,6 +92,36 @@ class PieceSearch:
     def met(self, first: Met) -> MetPieces:
         """Return the contacts so far; `first` is what the search for the pairs knows."""
         return MetPieces(first, self.answers[: self._row].copy())
+
+
+# A function, not a method: a generator that holds a search which holds the generator is garbage that
+# only Python's collector finds, some time later, and with it the memory of the search.
+def _prepare(search: Search) -> Iterator[Prepared | None]:
+    """Prepare the queries in parts; yield before each, as it may take longer than a budget.
+
+    The last that it yields is what it has prepared.
+    """
+    yield None
+    divided = search.divided()
+    yield None
+    keys = _keys(*_of_leaves(search))
+    if divided is not None:
+        cells = divided.cells()
+        yield None
+        near = cells.pairs[cells.bounds <= search.progress["limit"]]
+        yield None
+        keys = np.concatenate((keys, _keys(*_elements_of(near, cells, search))))
+    yield None
+    keys = np.unique(keys)
+    yield None
+    queries = np.zeros(len(keys), index.QUERY)
+    queries["bodies"], queries["alone"] = (0, 1), 1
+    queries["nearest"][:, 0], queries["nearest"][:, 1] = keys >> _HALF, keys % (1 << _HALF)
+    queries["limit"], queries["param_err"] = math.ulp(0.0), math.inf
+    yield None
+    asked = table((queries,))
+    yield None
+    yield Prepared(queries, asked, Search(*search.models, coherent=False))
 
 
 @dataclass(frozen=True, slots=True)
