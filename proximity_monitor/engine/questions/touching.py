@@ -94,8 +94,8 @@ class PieceSearch:
         return MetPieces(first, self.answers[: self._row].copy())
 
 
-# A function, not a method: a generator that holds a search which holds the generator is garbage that
-# only Python's collector finds, some time later, and with it the memory of the search.
+# This is no method of `PieceSearch`: a search and its generator would refer to each other, and an
+# abandoned search would keep its memory until Python collects garbage.
 def _prepare(search: Search) -> Iterator[Prepared | None]:
     """Prepare the queries in parts; yield before each, as it may take longer than a budget.
 

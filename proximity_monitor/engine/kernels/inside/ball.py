@@ -16,28 +16,27 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..base.jit import entry, implements, inlined, kernel, shared
-from ..base.memory import on_stack, table_on_stack
+from ..base.jit import entry, kernel, shared
+from ..base.memory import on_stack
 from ..base.state import CUT, ENDED
-from ..base.trees import MeshTree, RevolutionTree, SurfaceTree
-from .ball_bowls import bowls
-from .ball_caps import plane
+from ..base.trees import MeshTree
+from .ball_bowls import WAYS, bowls
 from .ball_cells import halve, pop, push, radius_limit
 from .ball_frame import axis_of, common_box, in_a_frame, take_axes
+from .ball_kinds import continue_depth_of_solid, plane_of_solid, tangent_of_solid
 from .ball_newton import begin_newton, seed_between
-from .ball_point import certain_depth, continue_depth, measure_depth, possible_depth
+from .ball_point import certain_depth, possible_depth
 from .ball_rows import bound_of
-from .ball_state import CELL_CENTRE, CLIMB, FULL, IDLE, NEWTON, OF_CELLS, SEED, ball_at
-from .ball_tangents import tangent
+from .ball_state import BOUNDING, CELL_CENTRE, CLIMB, FULL, IDLE, NEWTON, OF_CELLS, SEED, ball_at
 from .ball_trial import ascend, begin_climb, end_climb, end_newton, keep, try_point
 from .solid_table import solid_at
 
 _SPARE = 0.1
 """Share of the tolerance by which a plane may lie too high, so that it is found sooner."""
 
-_MOST = 0.5
-"""Share of the largest ball's radius. A plane is useless if it lies above the nearest point of the
-surface by more than this."""
+_BOWLS = 5
+_ATTEMPTS = _BOWLS + WAYS
+"""Bowls are sought after so many other attempts to find a row for a cell; and all attempts."""
 
 _CELL_STEPS = 8
 """Cost of a cell besides its descents, in steps."""
@@ -45,117 +44,6 @@ _CELL_STEPS = 8
 _MIDDLE_STEPS = 128
 """Maximum number of steps for the middle of both models. If a model is a ball, nearly all of its
 surface is nearest to the middle, and examining it takes longer than comparing the surfaces."""
-
-
-# The next three functions work on solid k of two. For trees of the same type (`_alike`), the
-# implementation selects the tree at run time. For trees of different types (`_unlike`), it has two
-# calls of `_alike`, each with one tree passed twice.
-
-
-def _plane(
-    tree_a, tree_b, region_a, region_b, k, behind, point, centre, half, spare, state, row
-):  # fmt: skip
-    """Find a plane of solid k for a cell, seen from `point`, as `plane` does. A stub.
-
-    If `behind`, the plane is seen from a point behind `point`. It is so far behind that, if the
-    solid is too thin there for a larger ball, its opposite face is nearer than the face at `point`.
-    """
-
-
-def _continue_depth(tree_a, tree_b, region_a, region_b, k, state, steps):
-    """Continue to find the trial point's depth in solid k; return the steps left. A stub."""
-
-
-def _tangent(tree_a, tree_b, k, state, centre, half, row):
-    """Find a row for the cell around the trial point, as `tangent` does. A stub."""
-
-
-@shared
-def _plane_of_alike(
-    tree_a, tree_b, region_a, region_b, k, behind, point, centre, half, spare, state, row
-):  # fmt: skip
-    at = state.at[0]
-    limit, steps = radius_limit(at), 0
-    if k == 0:
-        tree, region = tree_a, region_a
-    else:
-        tree, region = tree_b, region_b
-    most = _MOST * at.radius
-    if not at.radius > 0.0:
-        most = 0.5 * np.sqrt(half[0] * half[0] + half[1] * half[1] + half[2] * half[2])
-    if at.cells > 0:
-        # A plane higher than this cannot prune the cell, even with the other solid's best plane.
-        trial = state.trial[0]
-        rise = 2.0 * limit - trial.depth[0] - trial.depth[1]
-        most = min(most, max(rise, 2.0 * spare))
-    most = max(most, spare)
-    motion = state.motions[k]
-    if behind:
-        back = limit - at.swept[k] - 0.5 * point.away[k]
-        if point.side[k] <= 0 or not back > 0.0:
-            return False, steps
-        _go_behind(point, k, back, state)
-        point = state.probe[0]
-        steps += measure_depth(tree, region, motion, k, at, point, state.stack, state.reached)
-    found, cost = plane(
-        tree, region, motion, k, at, point, centre, half, spare, most, row, state.stack
-    )
-    return found, steps + cost
-
-
-@inlined
-def _plane_of_unlike(
-    tree_a, tree_b, region_a, region_b, k, behind, point, centre, half, spare, state, row
-):  # fmt: skip
-    if k == 0:
-        return _plane_of_alike(
-            tree_a, tree_a, region_a, region_a, k, behind, point, centre, half, spare, state, row
-        )
-    return _plane_of_alike(
-        tree_b, tree_b, region_b, region_b, k, behind, point, centre, half, spare, state, row
-    )
-
-
-@inlined
-def _continue_depth_alike(tree_a, tree_b, region_a, region_b, k, state, steps):
-    if k == 0:
-        tree, region = tree_a, region_a
-    else:
-        tree, region = tree_b, region_b
-    return continue_depth(
-        tree, region, state.motions[k], k, state.at[0], state.trial[0], state.stack,
-        state.reached, steps,
-    )  # fmt: skip
-
-
-@inlined
-def _continue_depth_unlike(tree_a, tree_b, region_a, region_b, k, state, steps):
-    if k == 0:
-        return _continue_depth_alike(tree_a, tree_a, region_a, region_a, k, state, steps)
-    return _continue_depth_alike(tree_b, tree_b, region_b, region_b, k, state, steps)
-
-
-@inlined
-def _tangent_alike(tree_a, tree_b, k, state, centre, half, row):
-    tree = tree_a if k == 0 else tree_b
-    return tangent(tree, state.motions[k], k, state.at[0], state.trial[0], centre, half, row)
-
-
-@inlined
-def _tangent_unlike(tree_a, tree_b, k, state, centre, half, row):
-    if k == 0:
-        return _tangent_alike(tree_a, tree_a, k, state, centre, half, row)
-    return _tangent_alike(tree_b, tree_b, k, state, centre, half, row)
-
-
-for _kind in (MeshTree, SurfaceTree, RevolutionTree):
-    implements(_plane, _kind, _kind)(_plane_of_alike)
-    implements(_continue_depth, _kind, _kind)(_continue_depth_alike)
-    implements(_tangent, _kind, _kind)(_tangent_alike)
-for _kind in (SurfaceTree, RevolutionTree):
-    implements(_plane, _kind, MeshTree)(_plane_of_unlike)
-    implements(_continue_depth, _kind, MeshTree)(_continue_depth_unlike)
-    implements(_tangent, _kind, MeshTree)(_tangent_unlike)
 
 
 @shared
@@ -176,7 +64,7 @@ def _begin_cells(tree_a, tree_b, region_a, region_b, state):
         cell.side[k], cell.clear[k], cell.near[k] = 0, -1.0, best.near[k]
         if at.radius > 0.0:
             for behind in range(2):
-                found, cost = _plane(
+                found, cost = plane_of_solid(
                     tree_a, tree_b, region_a, region_b, k, behind == 1, best, cell.centre,
                     cell.half, 0.0, state, cell.rows[cell.count],
                 )  # fmt: skip
@@ -228,71 +116,76 @@ def _depth_in_cell(region_a, region_b, k, state):
 
 
 @shared
-def _end_cell(tree_a, tree_b, region_a, region_b, state):
-    """Bound the cell whose centre's depths are known, and halve it; return the steps used."""
-    at, trial = state.at[0], state.trial[0]
-    depths = on_stack(2, 0.0)
+def _begin_bounding(region_a, region_b, state):
+    """Bound the cell whose centre's depths are known; if it stays, begin to seek rows for it."""
+    at = state.at[0]
+    at.bound = state.bounds[0]
     for k in range(2):
-        depths[k] = _depth_in_cell(region_a, region_b, k, state)
-    bound = min(state.bounds[0], min(depths[0], depths[1]))
-    number = pop(state)
-    cell = state.cells[number]
-    centre, half = cell.centre, cell.half
-    steps = _CELL_STEPS
+        at.bound = min(at.bound, _depth_in_cell(region_a, region_b, k, state))
     if keep(state):
         ascend(state)
     else:
         seed_between(state, radius_limit(at))
-    shallow = 0 if depths[0] <= depths[1] else 1
-    limit = radius_limit(at)
-    if bound <= limit:
-        at.dropped = max(at.dropped, bound)
-        return steps
-    rows = table_on_stack(12, 4, 0.0)
-    used, mean = on_stack(2, np.int64(0)), on_stack(4, 0.0)
-    used[0] = used[1] = 0
-    count, spare = cell.count, _SPARE * (max(limit, at.floor) - at.radius)
-    for i in range(count):
+    if at.bound <= radius_limit(at):
+        _drop_cell(state)
+        return
+    cell = state.cells[state.order[0]]
+    for i in range(cell.count):
         for j in range(4):
-            rows[i, j] = cell.rows[i, j]
-    for attempt in range(6):
-        k = 1 - shallow if attempt & 1 else shallow
-        if attempt == 2 or attempt == 3:
-            found = _tangent(tree_a, tree_b, k, state, centre, half, rows[count])
-            steps += 1
-        elif attempt == 5:
-            found, cost = bowls(
-                tree_a, tree_b, region_a, region_b, state, centre, half, limit, spare, rows[count]
-            )
-            steps += cost
-        else:
-            found, cost = _plane(
-                tree_a, tree_b, region_a, region_b, k, attempt == 4, trial, centre, half, spare,
-                state, rows[count],
-            )  # fmt: skip
-            steps += cost
-        if found:
-            count += 1
-            by_rows = bound_of(rows, count, centre, half, limit, at.slack, mean, used)
-            bound = min(bound, by_rows)
-            if bound <= limit:
-                at.dropped = max(at.dropped, bound)
-                return steps
-    if count > 0 and count == cell.count:
-        bound_of(rows, count, centre, half, limit, at.slack, mean, used)
-    halve(state, number, rows, count, mean, used, bound)
-    return steps
+            at.known[i, j] = cell.rows[i, j]
+    at.task, at.attempt, at.number = BOUNDING, 0, cell.count
 
 
 @kernel
-def _go_behind(point, k, behind, state):
-    """Move the probe to the point `behind` metres beyond `point`, away from solid k's surface."""
-    probe = state.probe[0]
-    for i in range(3):
-        probe.place[i] = point.place[i] + behind * point.way[k, i]
-    probe.clear[k] = point.clear[k] - behind * (1.0 + 1e-12) - 4.0 * state.at[0].slack
-    probe.side[k] = point.side[k] if probe.clear[k] > 0.0 else 0
-    probe.near[k] = point.near[k]
+def _drop_cell(state):
+    """Drop the cell with the largest bound: no centre of a much larger ball is in it."""
+    at = state.at[0]
+    at.dropped = max(at.dropped, at.bound)
+    pop(state)
+
+
+@shared
+def _find_row(tree_a, tree_b, region_a, region_b, state):
+    """Seek a row that prunes the cell at hand; after the last attempt, halve the cell.
+
+    The cell stays in the heap meanwhile. Returns the steps used.
+    """
+    at, trial = state.at[0], state.trial[0]
+    cell = state.cells[state.order[0]]
+    limit = radius_limit(at)
+    spare = _SPARE * (max(limit, at.floor) - at.radius)
+    # Begin with the solid in which the centre is less deep.
+    depth_a = _depth_in_cell(region_a, region_b, 0, state)
+    shallow = 0 if depth_a <= _depth_in_cell(region_a, region_b, 1, state) else 1
+    attempt, row = at.attempt, at.known[at.number]
+    k = 1 - shallow if attempt & 1 else shallow
+    if attempt == 2 or attempt == 3:
+        found, steps = tangent_of_solid(tree_a, tree_b, k, state, cell.centre, cell.half, row), 1
+    elif attempt >= _BOWLS:
+        found, steps = bowls(
+            tree_a, tree_b, region_a, region_b, attempt - _BOWLS, state, cell.centre, cell.half,
+            limit, spare, row,
+        )  # fmt: skip
+    else:
+        found, steps = plane_of_solid(
+            tree_a, tree_b, region_a, region_b, k, attempt == 4, trial, cell.centre, cell.half,
+            spare, state, row,
+        )  # fmt: skip
+    at.number += found
+    at.attempt = _ATTEMPTS if found and attempt >= _BOWLS else attempt + 1
+    if found or (at.attempt == _ATTEMPTS and at.number == cell.count > 0):
+        by_rows = bound_of(
+            at.known, at.number, cell.centre, cell.half, limit, at.slack, at.mean, at.used
+        )
+        if found:
+            at.bound = min(at.bound, by_rows)
+    if at.bound <= limit:
+        at.task = IDLE
+        _drop_cell(state)
+    elif at.attempt == _ATTEMPTS:
+        at.task = IDLE
+        halve(state, pop(state), at.known, at.number, at.mean, at.used, at.bound)
+    return steps
 
 
 @shared
@@ -306,7 +199,7 @@ def _go_on(tree_a, tree_b, region_a, region_b, state, steps):
             return steps
         k = first if at.turn == 0 else 1 - first
         given = min(steps, at.patience)
-        used = given - _continue_depth(tree_a, tree_b, region_a, region_b, k, state, given)
+        used = given - continue_depth_of_solid(tree_a, tree_b, region_a, region_b, k, state, given)
         steps -= used
         at.patience -= used
         if at.height > 0:
@@ -317,9 +210,9 @@ def _go_on(tree_a, tree_b, region_a, region_b, state, steps):
         if at.task == CELL_CENTRE and at.turn == 1:
             bound = min(state.bounds[0], _depth_in_cell(region_a, region_b, k, state))
             if bound <= radius_limit(at):
-                pop(state)
+                at.bound = bound
+                _drop_cell(state)
                 at.cells += 1
-                at.dropped = max(at.dropped, bound)
                 at.task = IDLE
                 return steps - _CELL_STEPS
         elif (
@@ -328,6 +221,8 @@ def _go_on(tree_a, tree_b, region_a, region_b, state, steps):
             at.task = IDLE  # one depth rules out a larger ball around the seed
             return steps
     task = at.task
+    if task == BOUNDING:
+        return steps - _find_row(tree_a, tree_b, region_a, region_b, state)
     at.task = IDLE
     if task == CLIMB:
         end_climb(state)
@@ -335,7 +230,8 @@ def _go_on(tree_a, tree_b, region_a, region_b, state, steps):
         end_newton(state)
     elif task == CELL_CENTRE:
         at.cells += 1
-        steps -= _end_cell(tree_a, tree_b, region_a, region_b, state)
+        steps -= _CELL_STEPS
+        _begin_bounding(region_a, region_b, state)
     elif keep(state):
         at.seed = at.seeds
         ascend(state)

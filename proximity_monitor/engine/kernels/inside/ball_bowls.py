@@ -127,14 +127,22 @@ def _bowl_height(tree, motion, point, up, slope, axes, bends, sizes, clear, slac
     return height, steps
 
 
-def bowls(tree_a, tree_b, region_a, region_b, state, centre, half, limit, spare, row):
+WAYS = 3
+"""Number of ways in which `bowls` seeks a row."""
+
+
+def bowls(tree_a, tree_b, region_a, region_b, way, state, centre, half, limit, spare, row):
     """Find a row for a cell of the search's frame if both surfaces are nearly parallel. A stub.
+
+    Each way does a part of the work, so that no part takes long: 0 seeks sleeves (see
+    revolution/sleeves.py); 1 finds the bowl of a, and 2 that of b, which makes the row.
 
     Args:
         tree_a: the tree of a.
         tree_b: the tree of b.
         region_a: the Region of a.
         region_b: the Region of b.
+        way: from 0 on, in this order.
         state: Ball; its trial point is the cell's centre.
         centre: (3,) of the cell.
         half: (3,) half lengths of the cell.
@@ -149,14 +157,17 @@ def bowls(tree_a, tree_b, region_a, region_b, state, centre, half, limit, spare,
 
 @implements(bowls, (MeshTree, SurfaceTree, RevolutionTree), MeshTree)
 @inlined
-def _none(tree_a, tree_b, region_a, region_b, state, centre, half, limit, spare, row):
+def _none(tree_a, tree_b, region_a, region_b, way, state, centre, half, limit, spare, row):
     return False, 0
 
 
 @implements(bowls, SurfaceTree, SurfaceTree)
 @shared
-def _bowls(tree_a, tree_b, region_a, region_b, state, centre, half, limit, spare, row):
+def _bowls(tree_a, tree_b, region_a, region_b, way, state, centre, half, limit, spare, row):
     at, point, slack = state.at[0], state.trial[0], state.at[0].slack
+    if way == 0 or (way == 2 and at.bowl == np.inf):
+        return False, 0
+    found, at.bowl = at.bowl, np.inf
     n, e, f = frame_between(point)
     if not dot(n, n) > 0.5 or at.swept[0] > 0.0 or at.swept[1] > 0.0:
         return False, 0
@@ -191,24 +202,24 @@ def _bowls(tree_a, tree_b, region_a, region_b, state, centre, half, limit, spare
         return False, 1
     place = (point.place[0], point.place[1], point.place[2])
     fine = max(FINE_SPARE * spare, _FINE_ROOM * room)
-    found, steps = _bowl_height(
-        tree_a, state.motions[0], place, n, (g1, g2), (e, f), (k1, k2),
-        (radius, h + room, h + spare, fine), clear, slack, state.stack,
-    )  # fmt: skip
-    if found == np.inf:
+    if way == 1:
+        at.bowl, steps = _bowl_height(
+            tree_a, state.motions[0], place, n, (g1, g2), (e, f), (k1, k2),
+            (radius, h + room, h + spare, fine), clear, slack, state.stack,
+        )  # fmt: skip
         return False, steps
     room -= found - h
-    found_b, more = _bowl_height(
+    found_b, steps = _bowl_height(
         tree_b, state.motions[1], place, scaled(n, -1.0), (-g1_b, -g2_b), (e, f),
         (-k1, -k2), (radius, -h_b + room, -h_b + spare, fine), clear, slack, state.stack,
     )  # fmt: skip
     if found_b == np.inf:
-        return False, steps + more
+        return False, steps
     row[3] = 0.5 * (found + found_b) + 2.0 * PLANE * slack
     for i in range(3):
         row[i] = -along_axis(at.axes, i, v)
         row[3] += row[i] * centre[i]
-    return True, steps + more
+    return True, steps
 
 
 @kernel

@@ -99,6 +99,13 @@ SEARCH = np.dtype(
         ("parts", np.int64),  # number of cells of a surface's elements made
         ("rows", np.float64, (KEPT, 4)),  # what the next pieces inherit, as in PIECE
         ("count", np.int64),  # number of these rows
+        ("bound", np.float64),  # metres: of the cell for which rows are sought
+        ("known", np.float64, (2 * ROWS, 4)),  # all its rows: first the inherited ones
+        ("number", np.int64),  # of these rows
+        ("mean", np.float64, (4,)),  # the mean of rows that bounded it best
+        ("used", np.int64, (2,)),  # the two rows that this mean began with
+        ("bowl", np.float64),  # metres: height of the bowl of a over its centre; infinite if unknown
+        ("attempt", np.int64),  # which row is sought next, see `ball._find_row`
     ],
     align=True,
 )
@@ -106,9 +113,10 @@ SEARCH = np.dtype(
 
 NONE = -1
 
-IDLE, SEED, CLIMB, CELL_CENTRE, NEWTON = 0, 1, 2, 3, 4
+IDLE, SEED, CLIMB, CELL_CENTRE, NEWTON, BOUNDING = 0, 1, 2, 3, 4, 5
 """What the trial point is: nothing, a seed, the end of an ascent's step, a cell's centre, or the
-place where Newton's method expects two surfaces to be farthest apart."""
+place where Newton's method expects two surfaces to be farthest apart. BOUNDING: a cell's centre
+whose depths are known; rows for the cell are sought."""
 
 Ball = namedtuple("Ball", "at motions seeds best trial probe bounds order cells stack reached")
 """A search and its memory. at (1,) SEARCH; motions (2, 12), from a's frame to a's and to b's; seeds

@@ -111,13 +111,11 @@ def _newton(tree_a, tree_b, state):
 
 @implements(bowls, RevolutionTree, RevolutionTree)
 @inlined
-def _bowls(tree_a, tree_b, region_a, region_b, state, centre, half, limit, spare, row):
-    found, looks = sleeves(tree_a, tree_b, state, centre, half, limit, row)
-    steps = looks // _LOOKS
-    if found:
-        return True, steps
-    found, more = bowls(
-        patches_of(tree_a), patches_of(tree_b), region_a, region_b, state, centre, half, limit,
+def _bowls(tree_a, tree_b, region_a, region_b, way, state, centre, half, limit, spare, row):
+    if way == 0:
+        found, looks = sleeves(tree_a, tree_b, state, centre, half, limit, row)
+        return found, looks // _LOOKS
+    return bowls(
+        patches_of(tree_a), patches_of(tree_b), region_a, region_b, way, state, centre, half, limit,
         spare, row,
     )  # fmt: skip
-    return found, steps + more
