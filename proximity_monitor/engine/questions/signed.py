@@ -27,6 +27,10 @@ if TYPE_CHECKING:
 _WIDEST, _EXACT = {"rel_err": 1.0}, {"rel_err": 0.0}
 """Tolerances of the surfaces' distance, if that of the query does not tell the sign."""
 
+_STAGE_S = 3e-5
+"""Seconds that the first slice of a stage takes, with the answer after it. If less time is left,
+the next call begins the stage."""
+
 Stage = Callable[["SignedSearch"], "Stage | None"]
 """Does at least one slice of work. Returns the next stage; itself if time ran out; None at the end.
 """
@@ -191,7 +195,9 @@ class SignedSearch:
         while self._stage is not None:
             stage = self._stage
             self._stage = stage(self)
-            if self._stage is stage or (self._stage and perf_counter() >= self._deadline):
+            if self._stage is stage:
+                return False
+            if self._stage is not None and perf_counter() + _STAGE_S >= self._deadline:
                 return False
         return True
 
