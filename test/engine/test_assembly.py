@@ -281,9 +281,10 @@ def test_a_depth_begins_little_by_little_where_no_time_is_left(monkeypatch, offs
     assembly = engine.Assembly([sphere(3), sphere(3)])
     asked = {"poses": poses, "pairs": [[0, 1]], "signed": True}
     whole = assembly.distances(**asked)
-    watch(engine.Assembly, "rows")
-    for kind, name in ((BallSearch, "__init__"), (BallSearch, "begin"), (BallSearch, "_slice")):
-        watch(kind, name)
+    parts = "rows", "__init__", "_begin_search", "begin", "_slice"
+    owners = engine.Assembly, BallSearch, engine.Pair, BallSearch, BallSearch
+    for owner, name in zip(owners, parts, strict=True):
+        watch(owner, name)
     calls = []
     while True:
         done.clear()
@@ -293,8 +294,7 @@ def test_a_depth_begins_little_by_little_where_no_time_is_left(monkeypatch, offs
         assert whole.lower[0] <= found.upper[0]
         if STATUS[found.status[0]] is not engine.Status.OUT_OF_TIME and found.upper[0] < 0.0:
             break
-    ways = {tuple(names) for names in calls}
-    assert ways == {("rows",), ("__init__",), ("begin",), ("_slice",)}, calls
+    assert {tuple(names) for names in calls} == {(part,) for part in parts}, calls
 
 
 def test_a_body_that_got_another_model_is_measured_anew():

@@ -216,7 +216,7 @@ class Assembly:
             known = None if math.isnan(answers[k, index.STATUS]) else answers[k].copy()
             return Single(key(k), models, poses[pairs[k]], wanted[k], True, known)
 
-        def depths(chosen: Sequence[int] | NDArray[np.int64]) -> None:
+        def depths(chosen: Sequence[int]) -> None:
             found = self._depths.search(
                 lambda i: single(chosen[i]), len(chosen), depth_err, end - END_S, threads
             )
@@ -244,17 +244,16 @@ class Assembly:
         in_time = perf_counter() + BEGIN_FIRST_S < end
         open_ = np.empty(len(answers) if in_time else min(len(answers), 1), np.bool_)
         count = signs_open(answers, wanted, open_)
-        if not (count or begun):
-            return answers
-        if begun:
-            open_[[k for k in begun if k < len(open_)]] = True
-        if self._cut:  # a search of the surfaces that was cut must end before that of the depth
-            open_ &= [not (each and key(k)[0] in self._cut) for k, each in enumerate(open_)]
-        open_[:1] &= 0 not in begun
-        (chosen,) = open_.nonzero()
-        if in_time and len(chosen):
-            depths(chosen)
-        elif len(chosen):  # the next call begins with the first pair's depth: every search ends
+        if in_time:
+            chosen = {*begun, *(open_.nonzero()[0].tolist() if count else ())}
+        else:  # the next call begins with the first pair's depth: every search ends
+            chosen = {0} if count else set()
+        chosen.discard(0 if 0 in begun else -1)  # it was searched above
+        # A search of the surfaces that was cut must end before that of the depth.
+        left = [k for k in sorted(chosen) if not (self._cut and key(k)[0] in self._cut)]
+        if left and in_time:
+            depths(left)
+        elif left:
             self._depths.resume(single(0))
         return answers
 

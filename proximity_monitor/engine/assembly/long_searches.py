@@ -117,7 +117,7 @@ class LongSearches:
         Return None if the search has begun, or there is time until the deadline (of
         `perf_counter`): then call `search`.
         """
-        if perf_counter() + _BEGIN_S < deadline:
+        if perf_counter() + BEGIN_FIRST_S < deadline:
             return None
         rel_err, abs_err, clearance = query.wanted.tolist()
         tolerated = _tolerated(clearance, depth_err)

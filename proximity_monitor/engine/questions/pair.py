@@ -164,10 +164,12 @@ class Pair:
             self._signed = SignedSearch(self.a, self.b, Pair(self.a, self.b, coherent=coherent))
         return self._signed
 
-    def take_memory(self) -> None:
-        """Take the memory of a search now, and not only at the first question."""
-        if self._search is None:
-            self._begin_search()
+    def take_memory(self) -> bool:
+        """Take the memory of a search before the first question; return whether there was none."""
+        if self._search is not None:
+            return False
+        self._begin_search()
+        return True
 
     def begin_at(self, nearest: tuple[int, int]) -> None:
         """Let the next search begin afresh, from two elements, in tree order."""

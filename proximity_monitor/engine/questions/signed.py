@@ -128,8 +128,7 @@ class SignedSearch:
             return None
         if self._depth is None:
             self._take_memory()
-            self._apart.take_memory()
-        else:
+        elif not self._apart.take_memory():
             self._begin(pose_a, pose_b, *errors)
             self._asked = asked
         return row
