@@ -145,46 +145,51 @@ def _drop_cell(state):
 
 
 @shared
-def _find_row(tree_a, tree_b, region_a, region_b, state):
-    """Seek a row that prunes the cell at hand; after the last attempt, halve the cell.
+def _bound_cell(tree_a, tree_b, region_a, region_b, state, steps):
+    """Seek rows that prune the cell at hand; after the last attempt, halve it.
 
-    The cell stays in the heap meanwhile. Returns the steps used.
+    The cell stays in the heap meanwhile. Returns the steps left; if none is left, the next slice
+    goes on with the next attempt.
     """
     at, trial = state.at[0], state.trial[0]
     cell = state.cells[state.order[0]]
+    centre, half = cell.centre, cell.half
     limit = radius_limit(at)
     spare = _SPARE * (max(limit, at.floor) - at.radius)
     # Begin with the solid in which the centre is less deep.
     depth_a = _depth_in_cell(region_a, region_b, 0, state)
     shallow = 0 if depth_a <= _depth_in_cell(region_a, region_b, 1, state) else 1
-    attempt, row = at.attempt, at.known[at.number]
-    k = 1 - shallow if attempt & 1 else shallow
-    if attempt == 2 or attempt == 3:
-        found, steps = tangent_of_solid(tree_a, tree_b, k, state, cell.centre, cell.half, row), 1
-    elif attempt >= _BOWLS:
-        found, steps = bowls(
-            tree_a, tree_b, region_a, region_b, attempt - _BOWLS, state, cell.centre, cell.half,
-            limit, spare, row,
-        )  # fmt: skip
-    else:
-        found, steps = plane_of_solid(
-            tree_a, tree_b, region_a, region_b, k, attempt == 4, trial, cell.centre, cell.half,
-            spare, state, row,
-        )  # fmt: skip
-    at.number += found
-    at.attempt = _ATTEMPTS if found and attempt >= _BOWLS else attempt + 1
-    if found or (at.attempt == _ATTEMPTS and at.number == cell.count > 0):
-        by_rows = bound_of(
-            at.known, at.number, cell.centre, cell.half, limit, at.slack, at.mean, at.used
-        )
+    while at.attempt < _ATTEMPTS:
+        if steps <= 0:
+            return steps
+        attempt, row = at.attempt, at.known[at.number]
+        k = 1 - shallow if attempt & 1 else shallow
+        if attempt == 2 or attempt == 3:
+            found, cost = tangent_of_solid(tree_a, tree_b, k, state, centre, half, row), 1
+        elif attempt >= _BOWLS:
+            found, cost = bowls(
+                tree_a, tree_b, region_a, region_b, attempt - _BOWLS, state, centre, half, limit,
+                spare, row,
+            )  # fmt: skip
+        else:
+            found, cost = plane_of_solid(
+                tree_a, tree_b, region_a, region_b, k, attempt == 4, trial, centre, half, spare,
+                state, row,
+            )  # fmt: skip
+        steps -= cost
+        at.attempt = _ATTEMPTS if found and attempt >= _BOWLS else attempt + 1
         if found:
+            at.number += 1
+            by_rows = bound_of(at.known, at.number, centre, half, limit, at.slack, at.mean, at.used)
             at.bound = min(at.bound, by_rows)
-    if at.bound <= limit:
-        at.task = IDLE
-        _drop_cell(state)
-    elif at.attempt == _ATTEMPTS:
-        at.task = IDLE
-        halve(state, pop(state), at.known, at.number, at.mean, at.used, at.bound)
+            if at.bound <= limit:
+                at.task = IDLE
+                _drop_cell(state)
+                return steps
+    if at.number == cell.count > 0:
+        bound_of(at.known, at.number, centre, half, limit, at.slack, at.mean, at.used)
+    at.task = IDLE
+    halve(state, pop(state), at.known, at.number, at.mean, at.used, at.bound)
     return steps
 
 
@@ -222,7 +227,7 @@ def _go_on(tree_a, tree_b, region_a, region_b, state, steps):
             return steps
     task = at.task
     if task == BOUNDING:
-        return steps - _find_row(tree_a, tree_b, region_a, region_b, state)
+        return _bound_cell(tree_a, tree_b, region_a, region_b, state, steps)
     at.task = IDLE
     if task == CLIMB:
         end_climb(state)

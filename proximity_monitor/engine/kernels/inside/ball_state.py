@@ -105,7 +105,7 @@ SEARCH = np.dtype(
         ("mean", np.float64, (4,)),  # the mean of rows that bounded it best
         ("used", np.int64, (2,)),  # the two rows that this mean began with
         ("bowl", np.float64),  # metres: how high the bowl of a is over its centre; may be infinite
-        ("attempt", np.int64),  # which row is sought next, see `ball._find_row`
+        ("attempt", np.int64),  # which row is sought next, see `ball._bound_cell`
     ],
     align=True,
 )
