@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,14 +43,36 @@ ball, nothing else would end a search for more digits than these pieces give."""
 
 _NO_ROW = np.empty(0)
 
+_SLACKS = 64.0
+"""Rounding may widen the bounds of a depth by so many slacks of a radius."""
+
 _KINDS = MeshTree, SurfaceTree, RevolutionTree
 """The kinds of solids. Of two unlike kinds, kernels take the one that stands later here first."""
+_CHOSEN = {
+    (a, b): (BALLS[(a, b) if i >= j else (b, a)], int(j > i))
+    for i, a in enumerate(_KINDS)
+    for j, b in enumerate(_KINDS)
+}
+"""The kernels for the kinds of both solids, and which solid they take first."""
 
 
 def solid_kind(model: Model) -> type:
     """Return the kind of a solid's tree; it is the same for all meshes, whatever their volumes."""
     hierarchy = model._hierarchy
-    return hierarchy.tree_kind if are_divided(hierarchy) else MeshTree
+    return hierarchy.tree_kind if isinstance(hierarchy.tree, SurfaceTree) else MeshTree
+
+
+class Depth(NamedTuple):
+    """What a search knows about a depth."""
+
+    shallow: float
+    """Metres; a certified lower bound."""
+    deep: float
+    """Metres; a certified upper bound."""
+    exact: bool
+    """Whether they differ by rounding alone."""
+    close: bool
+    """Whether they are as close as was asked for."""
 
 
 class BallSearch:
@@ -63,20 +85,18 @@ class BallSearch:
     """
 
     __slots__ = (
-        "_at", "_ball", "_entries", "_first", "_hierarchies", "_models", "_more", "_most", "_order",
-        "_own", "_poses", "_table", "_tables",
+        "_at", "_ball", "_entries", "_first", "_hierarchies", "_models", "_more", "_most",
+        "_numbers", "_own", "_poses", "_table", "_tables",
     )  # fmt: skip
 
     def __init__(self, a: Model, b: Model, surface: Model | None = None) -> None:
         self._models = a, b
-        # Which model the kernels take first, and the order of both that follows.
-        self._first = self._choose()
-        self._order = slice(None, None, -1 if self._first else 1)
+        self._first = self._choose()  # which model the kernels take first
         self._hierarchies: tuple[Hierarchy, ...] = ()
         self._own = own = take(BallMemory, BallKind.of(a, b, surface))
         self._ball, self._more, self._table = own.ball, own.more, own.table
-        self._at = own.ball.at[0]
-        self._most = math.inf
+        self._at, self._numbers = own.ball.at[0], own.numbers
+        self._tables, self._most = own.solids, math.inf
 
     def __del__(self, give_back: Callable[[BallMemory], None] = give_back) -> None:
         """Give the memory back, as a `Search` does."""
@@ -85,9 +105,9 @@ class BallSearch:
 
     def _choose(self) -> int:
         """Choose the kernels for the kinds of both models; return which model they take first."""
-        a, b = (_KINDS.index(solid_kind(model)) for model in self._models)
-        self._entries = BALLS[_KINDS[max(a, b)], _KINDS[min(a, b)]]
-        return int(b > a)
+        a, b = self._models
+        self._entries, first = _CHOSEN[solid_kind(a), solid_kind(b)]
+        return first
 
     def begin(
         self,
@@ -103,17 +123,22 @@ class BallSearch:
 
     def _take(self, pose_a: NDArray[np.float64], pose_b: NDArray[np.float64]) -> None:
         """Take the poses, and the models as they are now."""
-        self._poses = (pose_a, pose_b)[self._order]
-        a, b = self._models[self._order]
+        a, b = self._models
+        self._poses = pose_a, pose_b
+        if self._first:
+            a, b, self._poses = b, a, (pose_b, pose_a)
         hierarchies = a._hierarchy, b._hierarchy
-        if hierarchies != self._hierarchies:
-            tables = [each.sides().table for each in hierarchies]
-            # A table holds addresses only, so the hierarchies are kept for their arrays.
-            self._tables, self._hierarchies = np.array(tables), hierarchies
-        holes = any(each.sides().region.inside == HALF for each in hierarchies)
+        if hierarchies == self._hierarchies:
+            return
+        one, other = a._hierarchy.sides(), b._hierarchy.sides()
+        self._tables[0], self._tables[1] = one.table, other.table
+        holes = HALF in (one.region.inside, other.region.inside)
         self._most = _MOST_CELLS if holes else _MOST_IN_SPACE
         if are_divided(*hierarchies):
             self._most = min(self._most, _MOST_PIECES)
+        # A table holds addresses only, so the hierarchies are kept for their arrays. They are set
+        # last, because Ctrl-C may come at any moment.
+        self._hierarchies = hierarchies
 
     def seed_contact(self, row: NDArray[np.float64]) -> None:
         """Add seeds around the nearest points of an answer (ANSWER,)."""
@@ -126,7 +151,7 @@ class BallSearch:
 
     def seek(self, deadline: float) -> bool:
         """Try seeds until one is the centre of a ball; return False if the deadline came first."""
-        return not self._at["seeds"] or self._search(deadline, True)
+        return self._search(deadline, True)
 
     def search(self, deadline: float) -> bool:
         """Search to the end, one slice at least; return False if the deadline came first."""
@@ -164,42 +189,31 @@ class BallSearch:
     @property
     def found(self) -> bool:
         """Whether it is certain that the models overlap."""
-        return bool(self._at["radius"] > 0.0)
-
-    @property
-    def slack(self) -> float:
-        """Metres by which rounding may widen the bounds of the depth."""
-        return 64.0 * float(self._at["slack"])
-
-    @property
-    def close(self) -> bool:
-        """Whether the bounds are as close as was asked for."""
-        shallow, deep = self._radii()
-        at = self._at
-        wanted = max(shallow * (1.0 + float(at["rel_err"])), shallow + float(at["abs_err"]))
-        return deep <= max(wanted * (1.0 + 1e-12), shallow + 0.5 * self.slack)
+        return bool(self._numbers[0] > 0.0)
 
     @property
     def points(self) -> int:
         """How many points were tested for their depth."""
         return int(self._at["points"])
 
-    @property
-    def bounds(self) -> tuple[float, float]:
-        """Certified bounds of the depth, metres."""
-        shallow, deep = self._radii()
-        return 2.0 * shallow, 2.0 * deep
-
-    def _radii(self) -> tuple[float, float]:
-        at = self._at
-        radius = float(at["radius"])
-        deep = max(float(at["dropped"]), 0.0)
+    def depth(self) -> Depth:
+        """Return what is known about the depth."""
+        radius, slack, joints, _, rel_err, abs_err, dropped = self._numbers.tolist()
+        deep = max(dropped, 0.0)
         if radius > 0.0:
-            deep = max(deep, radius + 2.0 * float(at["slack"]))
-        if at["size"]:
+            deep = max(deep, radius + 2.0 * slack)
+        if self._at["size"]:
             deep = max(deep, float(self._ball.bounds[0]))
-        joints = float(at["joints"])
-        return max(radius - joints, 0.0), deep + joints if deep > 0.0 else 0.0
+        deep = deep + joints if deep > 0.0 else 0.0
+        shallow = max(radius - joints, 0.0)
+        wanted = max(shallow * (1.0 + rel_err), shallow + abs_err)
+        close = deep <= max(wanted * (1.0 + 1e-12), shallow + 0.5 * _SLACKS * slack)
+        shallow, deep = self._as_depths(shallow, deep)
+        return Depth(shallow, deep, deep - shallow <= _SLACKS * slack, close)
+
+    def _as_depths(self, shallow: float, deep: float) -> tuple[float, float]:
+        """Make bounds of the depth from those of a radius."""
+        return 2.0 * shallow, 2.0 * deep
 
     def fill(self, row: NDArray[np.float64]) -> None:
         """Write into an answer (ANSWER,) both surfaces' points nearest to the ball's centre."""
@@ -250,10 +264,8 @@ class DeepestSearch(BallSearch):
     def _slice(self, seeds_alone: bool, steps: int) -> int:
         return self._go_on(self._tables, self._table, steps)
 
-    @property
-    def bounds(self) -> tuple[float, float]:
-        """Certified bounds of the depth, metres; a swept surface may be deeper by its radius."""
-        shallow, deep = self._radii()
+    def _as_depths(self, shallow: float, deep: float) -> tuple[float, float]:
+        """Return both; a swept surface may be deeper by its radius."""
         return shallow, deep + self._hierarchies[1].swept_radius
 
     def fill(self, row: NDArray[np.float64]) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.inside.ball_state import CELL, PIECE, POINT, SEARCH, Ball, ball_table
+from ..kernels.inside.solid_table import SOLID_ROWS
 from ..models.model import Model
 from .memory import Memory
 from .search_memory import CellRoom, cells_for
@@ -51,9 +52,14 @@ class BallMemory(Memory):
     A search that needs room for more cells makes larger arrays of its own.
     """
 
-    __slots__ = ("ball", "more", "table")
+    __slots__ = ("ball", "more", "numbers", "solids", "table")
 
     ball: Ball
+    numbers: NDArray[np.float64]
+    """(7,) the first fields of `ball.at`, from the radius to what was dropped. Python reads them
+    together; it reads a field of a record in a fifth of a microsecond."""
+    solids: NDArray[np.int64]
+    """(2, SOLID_ROWS, 2) room for the tables of two solids."""
     more: tuple[NDArray, ...]
     """The surface's cells, their control points, and the cells of whole elements."""
     table: NDArray[np.int64]
@@ -75,6 +81,8 @@ class BallMemory(Memory):
             np.empty(descent, np.int32),
             np.empty(descent),
         )
+        self.numbers = self.ball.at.view(np.float64)[: 1 + SEARCH.names.index("dropped")]
+        self.solids = np.empty((2, SOLID_ROWS, 2), np.int64)
         self.more = cells_for(kind.cells)
         self.table = ball_table(self.ball, self.more)
         self._keep((*self.ball, *self.more), self.ball.at, points)

@@ -25,6 +25,7 @@ from ..kernels.base.rounding import DOUBLE_EPS
 from ..kernels.base.trees import MESHES
 from ..models.hierarchy import Hierarchy
 from ..models.model import Model
+from .ball import Depth
 from .run import Search
 
 _APART = 2.0**-35
@@ -47,9 +48,6 @@ class CoreSearch:
         a: first model.
         b: second model.
     """
-
-    close = True
-    """Whether the bounds are as close as was asked for: they differ by rounding alone."""
 
     __slots__ = ("_bounds", "_fresh", "_models", "_poses", "_search", "_shapes")
 
@@ -122,21 +120,16 @@ class CoreSearch:
         return self._bounds[0] > 0.0
 
     @property
-    def slack(self) -> float:
-        """Metres by which rounding may widen the bounds."""
-        return 4.0 * float(self._search.progress["slack"]) + 2.0 * self._rounding(
-            sum(self._radii())
-        )
-
-    @property
     def points(self) -> int:
         """How many points were tested: none."""
         return 0
 
-    @property
-    def bounds(self) -> tuple[float, float]:
-        """Certified bounds of the depth, metres."""
-        return self._bounds
+    def depth(self) -> Depth:
+        """Return what is known about the depth. Both bounds differ by rounding alone."""
+        shallow, deep = self._bounds
+        slack = 4.0 * float(self._search.progress["slack"])
+        slack += 2.0 * self._rounding(sum(self._radii()))
+        return Depth(shallow, deep, deep - shallow <= slack, True)
 
     def fill(self, row: NDArray[np.float64]) -> None:
         """Write the cores' nearest points into an answer (ANSWER,)."""

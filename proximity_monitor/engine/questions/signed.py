@@ -54,7 +54,7 @@ class SignedSearch:
     __slots__ = (
         "_apart", "_apart_tests", "_asked", "_clear", "_deadline", "_depth", "_deviation",
         "_earlier_tests", "_found", "_inside_other", "_known", "_limits", "_models", "_parts",
-        "_poses", "_regions", "_stage", "_tolerance", "known",
+        "_poses", "_regions", "_stage", "_taken", "_tolerance", "known",
     )  # fmt: skip
 
     known: NDArray[np.float64] | None
@@ -87,7 +87,8 @@ class SignedSearch:
 
         A budget began at `start` of perf_counter.
         """
-        if not any(model.is_solid for model in self._models):
+        a, b = self._models
+        if not (a.is_solid or b.is_solid):
             self._asked = None
             return self._apart.distance(
                 pose_a, pose_b, rel_err=rel_err, abs_err=abs_err, budget_s=budget_s
@@ -111,7 +112,6 @@ class SignedSearch:
             row[state.UPPER] = min(upper, row[state.UPPER])
         if asked is not None:
             self._limits = row[state.LOWER], row[state.UPPER]
-        a, b = self._models
         return distance_of(row, start, None, (type(a), type(b)))
 
     def prepare(
@@ -145,19 +145,28 @@ class SignedSearch:
         A refit may call for another kind of search.
         """
         a, b = self._models
+        hierarchies = a._hierarchy, b._hierarchy
+        if self._depth is not None and hierarchies == self._taken:
+            return self._depth
+        # A deviation changes the depth of a point in its model by as much, and the diameter of a
+        # ball by twice that.
+        self._deviation = 2.0 * max(a.deviation, b.deviation)
         self._regions = sides_of(a).region, sides_of(b).region
+        # Which of them have a volume around which no ball is swept.
         solids = a.is_solid, b.is_solid
-        if all(
-            [
-                region.inside == NOWHERE or not solid
-                for region, solid in zip(self._regions, solids, strict=True)
-            ]
-        ):
+        hollow = [
+            solid and region.inside != NOWHERE
+            for region, solid in zip(self._regions, solids, strict=True)
+        ]
+        if True not in hollow:
             kind = CoreSearch
+        elif all(solids):
+            kind = BallSearch
         else:
-            kind = BallSearch if all(solids) else DeepestSearch
+            kind = DeepestSearch
         if type(self._depth) is not kind:
             self._depth = kind(a, b)
+        self._taken = hierarchies  # last: Ctrl-C may come at any moment
         return self._depth
 
     def _begin(
@@ -169,11 +178,7 @@ class SignedSearch:
         depth_err: float,
     ) -> None:
         """Start a search from what the last one found."""
-        a, b = self._models
         depth = self._take_memory()
-        # A deviation changes the depth of a point in its model by as much, and the diameter of a
-        # ball by twice that.
-        self._deviation = 2.0 * max(a.deviation, b.deviation)
         self._poses = pose_a.copy(), pose_b.copy()
         self._limits: tuple[float, float] | None = None
         self._tolerance = {"rel_err": rel_err, "abs_err": abs_err}
@@ -250,7 +255,7 @@ class SignedSearch:
         depth = self._depth
         if depth.found:
             return self._inside(ended)
-        _, deep = depth.bounds
+        deep = depth.depth().deep
         if self._found is None and self._known is not None:
             row, upper = self._known.copy(), float(self._known[state.UPPER])
             return self._with_tests(row, -deep - self._deviation, upper, Status.OUT_OF_TIME)
@@ -320,15 +325,14 @@ class SignedSearch:
     def _inside(self, ended: bool) -> NDArray[np.float64]:
         """Make the row for models that certainly overlap, apart from their deviations."""
         depth = self._depth
-        shallow, deep = depth.bounds
+        shallow, deep, exact, close = depth.depth()
         row = np.empty(state.ANSWER)
         row.fill(-1.0)  # it names no triangles as hints where to search
         depth.fill(row)
         status = Status.OUT_OF_TIME
         if ended:
-            exact = deep - shallow <= depth.slack
             status = Status.EXACT if exact else Status.WITHIN_TOLERANCE
-            if self._deviation >= shallow or not depth.close:
+            if self._deviation >= shallow or not close:
                 status = Status.INTERSECTING
         return self._with_tests(row, -deep - self._deviation, self._deviation - shallow, status)
 

@@ -100,7 +100,7 @@ ENDLESS = Slices(None)
 
 def slices_until(deadline: float | None) -> Slices:
     """Return slices that begin now."""
-    return ENDLESS if deadline is None else Slices(deadline)
+    return ENDLESS if deadline is None or deadline == math.inf else Slices(deadline)
 
 
 def answer_in_slices(

@@ -21,6 +21,9 @@ _LAYOUT = {
 _ARRAYS = constant(Addressed(Region, _LAYOUT, readonly=True))
 """Layout of the region in the table: its arrays, and `extent`, which holds its two numbers."""
 
+SOLID_ROWS = _REGION + len(_LAYOUT) - 1 + len(MeshTree._fields)
+"""Number of rows of the table."""
+
 
 def solid_table(model, region, extent):
     """Build the table, int64 (n, 2), of a hierarchy of all triangles and its Region.
