@@ -47,3 +47,25 @@ def test_a_slice_ends_between_two_attempts_to_bound_a_cell(name):
         assert 7 in next_ones, "between the bowls of both solids"
     assert sliced.depth() == whole.depth()
     assert sliced.points == whole.points
+
+
+def test_where_a_seed_is_in_both_solids_one_slice_is_enough(monkeypatch):
+    """Formerly, a second slice found that the first one had told all that was asked for."""
+    asked = []
+
+    def watch(owner, name):
+        work = getattr(owner, name)
+        monkeypatch.setattr(
+            owner, name, lambda *given, **how: asked.append(name) or work(*given, **how)
+        )
+
+    pair = engine.Pair(sphere(3), sphere(3))
+    watch(BallSearch, "_slice")
+    watch(engine.Pair, "distance")
+    for there in (translation(1.5), translation(1.4), translation(1.45, 0.1)):
+        asked.clear()
+        for depth_err in (math.inf, 0.01):
+            found = pair.signed_distance(IDENTITY, there, depth_err=depth_err)
+            assert found.upper < 0.0
+            assert -found.lower >= 2.0 - math.dist(there[:3, 3], (0.0, 0.0, 0.0)) - 0.1
+        assert asked == ["_slice", "_slice"]

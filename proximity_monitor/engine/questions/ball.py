@@ -20,7 +20,7 @@ from ..kernels.inside.solids import HALF
 from ..kernels.pairs.balls import BALLS
 from ..kernels.pairs.depths import DEPTHS
 from ..models.model import Model
-from .ball_memory import BallKind, BallMemory
+from .ball_memory import POINTS, SIZE, BallKind, BallMemory
 from .contact_surface import are_divided
 from .memory import give_back, take
 from .slices import slices_until
@@ -85,8 +85,8 @@ class BallSearch:
     """
 
     __slots__ = (
-        "_at", "_ball", "_entries", "_first", "_hierarchies", "_models", "_more", "_most",
-        "_numbers", "_own", "_poses", "_table", "_tables",
+        "_at", "_ball", "_counts", "_entries", "_first", "_hierarchies", "_models", "_more",
+        "_most", "_numbers", "_own", "_poses", "_table", "_tables",
     )  # fmt: skip
 
     def __init__(self, a: Model, b: Model, surface: Model | None = None) -> None:
@@ -95,7 +95,7 @@ class BallSearch:
         self._hierarchies: tuple[Hierarchy, ...] = ()
         self._own = own = take(BallMemory, BallKind.of(a, b, surface))
         self._ball, self._more, self._table = own.ball, own.more, own.table
-        self._at, self._numbers = own.ball.at[0], own.numbers
+        self._at, self._numbers, self._counts = own.ball.at[0], own.numbers, own.counts
         self._tables, self._most = own.solids, math.inf
 
     def __del__(self, give_back: Callable[[BallMemory], None] = give_back) -> None:
@@ -150,17 +150,20 @@ class BallSearch:
         self._entries.add_seeds(self._tables, self._table, _NO_ROW, self._first, body, element)
 
     def seek(self, deadline: float) -> bool:
-        """Try seeds until one is the centre of a ball; return False if the deadline came first."""
+        """Search to the end if a seed is the centre of a ball, otherwise give up.
+
+        Returns False if the deadline came first.
+        """
         return self._search(deadline, True)
 
     def search(self, deadline: float) -> bool:
         """Search to the end, one slice at least; return False if the deadline came first."""
         return self._search(deadline, False)
 
-    def _search(self, deadline: float, seeds_alone: bool) -> bool:
+    def _search(self, deadline: float, tentative: bool) -> bool:
         slices = slices_until(deadline)
         while True:
-            code = self._slice(seeds_alone, slices.steps)
+            code = self._slice(tentative, slices.steps)
             if code == FULL:
                 self._make_room()
             elif code != CUT or self._at["cells"] > self._most:
@@ -168,8 +171,8 @@ class BallSearch:
             if slices.over():
                 return False
 
-    def _slice(self, seeds_alone: bool, steps: int) -> int:
-        return self._entries.search(self._tables, self._table, seeds_alone, steps)
+    def _slice(self, tentative: bool, steps: int) -> int:
+        return self._entries.search(self._tables, self._table, tentative, steps)
 
     def _make_room(self) -> None:
         old = self._ball
@@ -194,7 +197,7 @@ class BallSearch:
     @property
     def points(self) -> int:
         """How many points were tested for their depth."""
-        return int(self._at["points"])
+        return int(self._counts[POINTS])
 
     def depth(self) -> Depth:
         """Return what is known about the depth."""
@@ -202,7 +205,7 @@ class BallSearch:
         deep = max(dropped, 0.0)
         if radius > 0.0:
             deep = max(deep, radius + 2.0 * slack)
-        if self._at["size"]:
+        if self._counts[SIZE]:
             deep = max(deep, float(self._ball.bounds[0]))
         deep = deep + joints if deep > 0.0 else 0.0
         shallow = max(radius - joints, 0.0)
@@ -261,7 +264,7 @@ class DeepestSearch(BallSearch):
         """Do nothing: there are no seeds."""
         return True
 
-    def _slice(self, seeds_alone: bool, steps: int) -> int:
+    def _slice(self, tentative: bool, steps: int) -> int:
         return self._go_on(self._tables, self._table, steps)
 
     def _as_depths(self, shallow: float, deep: float) -> tuple[float, float]:

@@ -27,6 +27,9 @@ if TYPE_CHECKING:
 _WIDEST, _EXACT = {"rel_err": 1.0}, {"rel_err": 0.0}
 """Tolerances of the surfaces' distance, if that of the query does not tell the sign."""
 
+_NO_HINTS = np.full(state.ANSWER, -1.0)
+"""An answer that names no triangles as hints where to search."""
+
 _STAGE_S = 3e-5
 """Seconds that the first slice of a stage takes, with the answer after it. If less time is left,
 the next call begins the stage."""
@@ -39,11 +42,11 @@ Stage = Callable[["SignedSearch"], "Stage | None"]
 class SignedSearch:
     """The search for signed distances of two models and its memory, as `Pair` is for distances.
 
-    A search has these stages. First it tries the centre of the last ball: if that still lies inside
-    both models, their surfaces need not be compared. Otherwise it finds the distance of the
-    surfaces. If they do not meet, it looks for a part of one model inside the other. If the models
-    overlap, it searches for the depth; if it then finds no overlap, it completes the distance. A
-    search that was cut goes on in the same stage.
+    A search has these stages. First it tries the centre of the last ball. If that still lies inside
+    both models, it finds the depth at once, and their surfaces need not be compared. Otherwise it
+    finds the distance of the surfaces. If they do not meet, it looks for a part of one model inside
+    the other. If the models overlap, it searches for the depth; if it then finds no overlap, it
+    completes the distance. A search that was cut goes on in the same stage.
 
     Args:
         a: first model.
@@ -97,6 +100,7 @@ class SignedSearch:
         asked = None
         if budget_s is not None:
             asked = self._question(pose_a, pose_b, rel_err, abs_err, depth_err)
+            pose_a, pose_b = pose_a.copy(), pose_b.copy()  # for the next call
         fresh = asked is None or asked != self._asked
         self._asked = None
         if fresh:
@@ -129,7 +133,7 @@ class SignedSearch:
         if self._depth is None:
             self._take_memory()
         elif not self._apart.take_memory():
-            self._begin(pose_a, pose_b, *errors)
+            self._begin(pose_a.copy(), pose_b.copy(), *errors)
             self._asked = asked
         return row
 
@@ -179,7 +183,7 @@ class SignedSearch:
     ) -> None:
         """Start a search from what the last one found."""
         depth = self._take_memory()
-        self._poses = pose_a.copy(), pose_b.copy()
+        self._poses = pose_a, pose_b
         self._limits: tuple[float, float] | None = None
         self._tolerance = {"rel_err": rel_err, "abs_err": abs_err}
         self._apart_tests = self._earlier_tests = 0, 0
@@ -205,10 +209,12 @@ class SignedSearch:
                 return False
         return True
 
-    def _try_last_ball(self) -> Stage:
-        if not self._depth.seek(self._deadline):
-            return SignedSearch._try_last_ball
-        return SignedSearch._find_depth if self._depth.found else SignedSearch._compare_surfaces
+    def _try_last_ball(self) -> Stage | None:
+        """Find the depth if the centre of the last ball, or the middle, is still in both models."""
+        ended = self._depth.seek(self._deadline)
+        if self._depth.found:
+            return None if ended else SignedSearch._find_depth
+        return SignedSearch._compare_surfaces if ended else SignedSearch._try_last_ball
 
     def _compare_surfaces(self) -> Stage | None:
         """Find how far the surfaces are apart."""
@@ -262,7 +268,8 @@ class SignedSearch:
         apart = self._found or self._distance()
         if apart.lower > 0.0 and (self._inside_other is False or deep == 0.0):
             if self._inside_other is False:
-                self._clear = self._poses, apart.lower, self._shapes()
+                a, b = self._poses
+                self._clear = (a.copy(), b.copy()), apart.lower, self._shapes()
             return self._with_tests(apart.row.copy(), apart.lower, apart.upper, apart.status)
         status = Status.INTERSECTING if ended else Status.OUT_OF_TIME
         return self._with_tests(apart.row.copy(), -deep - self._deviation, apart.upper, status)
@@ -326,8 +333,7 @@ class SignedSearch:
         """Make the row for models that certainly overlap, apart from their deviations."""
         depth = self._depth
         shallow, deep, exact, close = depth.depth()
-        row = np.empty(state.ANSWER)
-        row.fill(-1.0)  # it names no triangles as hints where to search
+        row = _NO_HINTS.copy()
         depth.fill(row)
         status = Status.OUT_OF_TIME
         if ended:

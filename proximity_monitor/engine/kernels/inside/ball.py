@@ -248,12 +248,11 @@ KIND_A = KIND_B = MeshTree
 
 
 @entry
-def search_ball(solids, memory, seeds_alone, steps):
+def search_ball(solids, memory, tentative, steps):
     """Continue a search for about `steps` steps at most; return ENDED, CUT or FULL.
 
     `solids` (2, n, 2) are the tables of both solids (see solid_table.py), `memory` is the search's
-    table. With `seeds_alone`, the search tries the seeds only, and ends when it has found a ball or
-    when no seed is left.
+    table. A `tentative` search gives up, and returns ENDED, if no seed is the centre of a ball.
     """
     tree_a, _, region_a = solid_at(KIND_A, solids[0])
     tree_b, _, region_b = solid_at(KIND_B, solids[1])
@@ -264,7 +263,7 @@ def search_ball(solids, memory, seeds_alone, steps):
             return CUT
         if at.task != IDLE:
             steps = _go_on(tree_a, tree_b, region_a, region_b, state, steps)
-        elif at.climbs > 0 and not seeds_alone:
+        elif at.climbs > 0:
             if at.radius < at.large_enough and at.ceiling > radius_limit(at):
                 _compare_with_middle(tree_a, tree_b, region_a, region_b, state)
             elif not (at.newtons > 0 and begin_newton(tree_a, tree_b, state)):
@@ -275,7 +274,7 @@ def search_ball(solids, memory, seeds_alone, steps):
             try_point(state, SEED, seeds[i, 0], seeds[i, 1], seeds[i, 2], state.best[0], False, 0.0)
             if i == at.middle:
                 at.patience = _MIDDLE_STEPS
-        elif seeds_alone:
+        elif tentative and not at.radius > 0.0:
             return ENDED
         elif not at.begun and at.radius > 0.0 and at.ceiling <= radius_limit(at):
             return ENDED  # the cells can no longer improve the answer beyond the tolerance
