@@ -49,8 +49,9 @@ pairs: all
 """
 SHARED = {
     "search.descent.advance", "elements.primitives.measure_triangles", "tree.ranges.node_ranges",
-    "inside.angles.surely_outside", "inside.ball._begin_cells", "inside.ball._end_cell",
-    "inside.ball._plane_of_alike", "inside.ball._go_on", "inside.ball_caps._one_way",
+    "inside.angles.surely_outside", "inside.ball._begin_bounding", "inside.ball._begin_cells",
+    "inside.ball._bound_cell", "inside.ball._go_on", "inside.ball_caps._one_way",
+    "inside.ball_kinds._plane_alike",
     "inside.ball_caps._by_volumes", "inside.ball_caps.plane", "inside.ball_frame.common_box",
     "inside.ball_point.continue_depth", "inside.ball_rows.bound_of", "inside.ball_tangents.tangent",
     "inside.contain.part_inside",
@@ -110,6 +111,7 @@ def test_progress_counts_what_is_compiled(tmp_path):
 
 
 def test_what_is_foreseen_exists():
+    assert SHARED <= compiling.WATCHING
     for name in compiling.WATCHING:
         file, _, function = name.rpartition(".")
         module = importlib.import_module(f"proximity_monitor.engine.kernels.{file}")
