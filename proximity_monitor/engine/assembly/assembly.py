@@ -248,7 +248,8 @@ class Assembly:
             chosen = {*begun, *(open_.nonzero()[0].tolist() if count else ())}
         else:  # the next call begins with the first pair's depth: every search ends
             chosen = {0} if count else set()
-        chosen.discard(0 if 0 in begun else -1)  # it was searched above
+        if 0 in begun:
+            chosen.discard(0)  # it was searched above
         # A search of the surfaces that was cut must end before that of the depth.
         left = [k for k in sorted(chosen) if not (self._cut and key(k)[0] in self._cut)]
         if left and in_time:

@@ -48,6 +48,7 @@ _SLACKS = 64.0
 
 _KINDS = MeshTree, SurfaceTree, RevolutionTree
 """The kinds of solids. Of two unlike kinds, kernels take the one that stands later here first."""
+
 _CHOSEN = {
     (a, b): (BALLS[(a, b) if i >= j else (b, a)], int(j > i))
     for i, a in enumerate(_KINDS)
@@ -59,7 +60,7 @@ _CHOSEN = {
 def solid_kind(model: Model) -> type:
     """Return the kind of a solid's tree; it is the same for all meshes, whatever their volumes."""
     hierarchy = model._hierarchy
-    return hierarchy.tree_kind if isinstance(hierarchy.tree, SurfaceTree) else MeshTree
+    return hierarchy.tree_kind if are_divided(hierarchy) else MeshTree
 
 
 class Depth(NamedTuple):

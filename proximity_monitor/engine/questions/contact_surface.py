@@ -27,7 +27,7 @@ _NOISE = 8.0
 
 def are_divided(*hierarchies: Hierarchy) -> bool:
     """Return whether the elements of any of these hierarchies are pieces of surfaces."""
-    return any(isinstance(each.tree, SurfaceTree) for each in hierarchies)
+    return any([isinstance(each.tree, SurfaceTree) for each in hierarchies])
 
 
 def contacts_of(

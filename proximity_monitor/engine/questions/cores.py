@@ -14,7 +14,6 @@ solid's radius and s that which sweeps the surface, 0 for most.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -84,9 +83,7 @@ class CoreSearch:
 
     def search(self, deadline: float) -> bool:
         """Search to the end, one slice at least; return False if the deadline came first."""
-        code = self._search.run(
-            *self._poses, fresh=self._fresh, deadline=None if deadline == math.inf else deadline
-        )
+        code = self._search.run(*self._poses, fresh=self._fresh, deadline=deadline)
         self._fresh = False
         row = self._search.answer
         lower, upper = float(row[index.LOWER]), float(row[index.UPPER])
