@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from ..kernels.base.lines import in_lines
 from ..kernels.base.rounding import DOUBLE_EPS
 from ..kernels.base.tables import arrays_of, model_table
 from ..kernels.base.trees import DEVIATION, REVISION, SWEPT, MeshTree
@@ -19,6 +20,9 @@ if TYPE_CHECKING:
     from ..kernels.base.trees import SurfaceTree
     from .solid import Sides
     from .tree import Tree
+
+_VOLUMES = ("nodes", "centres", "children", "sizes")
+"""The arrays of a tree that a search reads in each step."""
 
 Solid = bool | Literal["robust"] | None
 """Whether a model is to be a solid; see `TriangleMesh`."""
@@ -112,6 +116,11 @@ class Hierarchy(ABC):
         """Set the KEPT attributes, and make the tables by which kernels find the trees."""
         for name, value in kept.items():
             setattr(self, name, value)
+        tree, distinct = self.tree, self.distinct
+        self.tree = tree._replace(**{name: in_lines(getattr(tree, name)) for name in _VOLUMES})
+        self.distinct = self.tree
+        if distinct is not tree:  # the two differ in nothing else
+            self.distinct = self.tree._replace(nodes=in_lines(distinct.nodes))
         self.table_of_all = self.table = self._table(self.tree)
         if self.distinct is not self.tree:
             self.table = self._table(self.distinct)

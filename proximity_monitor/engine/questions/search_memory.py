@@ -41,8 +41,9 @@ _LIST = 1 << 20
 """Pairs that a search level by level has room for, a power of two: 16 MB, of which the system
 provides only the pages that are used."""
 
-_COHERENT = 1024
-"""Pairs of volumes that are remembered as too far, a power of two: 32 kB."""
+_FAR, _MOST_FAR = 1 << 10, 1 << 13
+"""Slots for pairs of volumes that are remembered as too far, at first and at most, powers of two:
+32 kB and 256 kB. The system provides only the pages that are used."""
 
 _LEVELS = 16
 """The room of the stack is rounded up to a multiple of so many levels, so that models of most sizes
@@ -186,8 +187,9 @@ class SearchMemory(Memory):
                 *waiting, room(_RINGS, RING), room(_RINGS, np.int32), room(_ARCS, ARC),
                 room(_ARCS, ARC), room(MINIMA, MINIMUM), room(2 * FRONT, RING),
             )  # fmt: skip
-        far = np.zeros(_COHERENT if coherent else 0, FAR)
-        far["key"] = NO_KEY
+        far = room(_MOST_FAR if coherent else 0, FAR)
+        far["key"][:_FAR] = NO_KEY
+        record["far_slots"] = _FAR
         self.state = index.State(motions, record, open_pairs, waiting, np.empty((0, 3)), far)
         self.table = state_table(self.state)
         self._keep((*open_pairs, *waiting, far), used)
@@ -196,7 +198,7 @@ class SearchMemory(Memory):
         """Restore the first state, as `Memory.clear` does, and forget what was too far."""
         super().clear()
         if self.kind.coherent:
-            self.state.far["key"] = NO_KEY
+            self.state.far["key"][:_FAR] = NO_KEY
 
     def begin_at(self, nearest: tuple[int, int]) -> None:
         """Let the first search begin at two elements, in tree order."""

@@ -193,6 +193,7 @@ PROGRESS = np.dtype(
         ("step", np.float64),  # how far they have moved since the last search
         ("shape_a", np.float64),  # how often the models had been refitted
         ("shape_b", np.float64),
+        ("far_slots", np.int64),  # how many slots of `far` are in use, a power of two
         ("proven", np.float64),  # lower bound of all that was pruned under the pair opened last
         ("kept", np.int64),  # the lanes under that pair that were not pruned; or SOME
         ("least", np.float64),  # the least bound of these lanes

@@ -14,7 +14,7 @@ from collections import namedtuple
 import numpy as np
 from numba import uint64
 
-from ..base.jit import inlined, loop16
+from ..base.jit import fused, inlined, loop16
 from ..base.lanes import has_three, lowest, not_above, smallest
 from ..base.memory import read_only
 from ..base.rounding import ALONG_MARGIN, CROSS_MARGIN, SINGLE_EPS, SINGLE_LIMIT, SINGLE_TINY
@@ -87,7 +87,7 @@ def move_lanes(nodes, base, frame, placed):
         placed[j + HALF_V] = nodes[i + HALF_V] * scale
 
 
-@inlined
+@fused
 def _pick(lanes, base, margin, single):
     """Copy one lane's volume to `single`, its radius increased by `margin`.
 
@@ -102,7 +102,7 @@ def _pick(lanes, base, margin, single):
     single[14] = lanes[base + RADIUS] + margin
 
 
-@inlined
+@fused
 def along_node(tree, node, normal, sign, lows):
     """Return a lower bound of a node centre's coordinate along the search direction, metres.
 

@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 from numba import float32, uint64
 
-from ..base.jit import inlined, kernel, loop16
+from ..base.jit import fused, inlined16, kernel, loop16
 from ..base.lanes import turn_axes
 from ..base.rounding import (
     SINGLE_EPS,
@@ -48,7 +48,7 @@ from ..tree.layout import (
 _TINY = float32(SINGLE_TINY)
 
 
-@loop16
+@inlined16
 def lower_bounds(nodes, base, single, bounds, first):
     """Write lower bounds between `single` and each lane of a node to sixteen entries of `bounds`.
 
@@ -130,7 +130,7 @@ def lows_along(nodes, base, x, y, z, lows):
         lows[k] = centre - reach
 
 
-@inlined
+@fused
 def place(fixed, lane, motions, tree, node, slack, out):
     """Move one lane of `fixed` into the frame of a node of `tree`, as `single` of `lower_bounds`.
 

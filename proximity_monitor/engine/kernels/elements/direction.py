@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..base.jit import inlined, kernel
+from ..base.jit import fused, inlined, kernel
 from ..base.rounding import DOUBLE_EPS, GAP_SHARE
 from ..base.vectors import dot
 
@@ -39,7 +39,7 @@ def take_direction(progress, motion, g):
     progress.offset = motion[9] * x + motion[10] * y + motion[11] * z
 
 
-@inlined
+@fused
 def _along(normal, triangles, t):
     """Return the inner products of a triangle's three corners with a direction."""
     x, y, z = normal[0], normal[1], normal[2]

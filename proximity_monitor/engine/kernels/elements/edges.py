@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from numba import uint64
 
-from ..base.jit import kernel
+from ..base.jit import inlined, kernel
 from ..base.memory import on_stack
 from ..base.precise import difference_of_products
 from ..base.rounding import TOUCHING
@@ -22,6 +22,24 @@ _TABLE = 9 * LANES
 _L = uint64(LANES)
 
 
+@inlined
+def _put(table, k, p, d, q, e):
+    """Write the difference of two edges' beginnings p and q, and both edges, to lane k."""
+    i = uint64(k)
+    table[i], table[i + _L], table[i + uint64(2) * _L] = q[0] - p[0], q[1] - p[1], q[2] - p[2]
+    table[i + uint64(3) * _L], table[i + uint64(4) * _L] = d[0], d[1]
+    table[i + uint64(5) * _L], table[i + uint64(6) * _L] = d[2], e[0]
+    table[i + uint64(7) * _L], table[i + uint64(8) * _L] = e[1], e[2]
+
+
+@inlined
+def _put_row(table, k, p, d, b, eb):
+    """Write one edge with each of the other triangle's, to lanes k to k + 2."""
+    _put(table, k, p, d, b[0], eb[0])
+    _put(table, k + 1, p, d, b[1], eb[1])
+    _put(table, k + 2, p, d, b[2], eb[2])
+
+
 @kernel
 def edge_pairs(a, ea, b, eb, s, t, squared, touching):
     """Find the nearest points of nine pairs of segments; every output array is (LANES,).
@@ -32,13 +50,11 @@ def edge_pairs(a, ea, b, eb, s, t, squared, touching):
     nothing.
     """
     table = on_stack(_TABLE, 0.0)
-    for k in range(LANES):
-        pair = min(k, 8)
-        i, j = pair // 3, pair % 3
-        for c in range(3):
-            table[uint64(LANES * c + k)] = b[j][c] - a[i][c]
-            table[uint64(LANES * (3 + c) + k)] = ea[i][c]
-            table[uint64(LANES * (6 + c) + k)] = eb[j][c]
+    for i in range(_TABLE):
+        table[uint64(i)] = 0.0
+    _put_row(table, 0, a[0], ea[0], b, eb)
+    _put_row(table, 3, a[1], ea[1], b, eb)
+    _put_row(table, 6, a[2], ea[2], b, eb)
     for lane in range(LANES):
         k = uint64(lane)
         rx, ry, rz = table[k], table[k + _L], table[k + uint64(2) * _L]

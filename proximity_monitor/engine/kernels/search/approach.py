@@ -47,11 +47,16 @@ the next search begins are too far by more and more, and so is the limit, and it
 along a path half as many again for a tolerance of 10 %. Renewing the points counts for about 30
 openings.
 """
-_POOR, _POOR_SHARE, _PATH = 0.1, 0.25, 0.02
+_NEAR = 0.1
+"""The remembered elements are as near as before if their distance exceeds the last distance by no
+more than this share of it, or by the relative error of the search if that is larger."""
+
+_POOR, _POOR_SHARE, _PATH = 2.0, 0.25, 0.02
 """The remembered elements are too far to begin with if their distance exceeds the last distance by
-more than a share of it. The share is _POOR in an exact search. With a relative error it is
-_POOR_SHARE of that error, because whatever part of the error the first distance uses up keeps more
-volumes open; but at least _PATH, by which distances change from step to step of a path.
+more than a share of it. The share is _POOR in an exact search: even three times the distance costs
+such a search hardly more openings than a guess takes time. With a relative error it is _POOR_SHARE
+of that error, because whatever part of the error the first distance uses up keeps more volumes
+open; but at least _PATH, by which distances change from step to step of a path.
 """
 
 
@@ -77,7 +82,7 @@ def begin_near(tree_a, tree_b, state, last):
     progress.approached = np.inf
     if progress.limit < enough(progress):
         return
-    near = (1.0 + max(progress.rel_err, _POOR)) * last
+    near = (1.0 + max(progress.rel_err, _NEAR)) * last
     stays = progress.distance <= near
     leapt = has_leapt(tree_a, tree_b, state)
     if stays and not leapt:

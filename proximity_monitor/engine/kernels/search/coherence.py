@@ -60,6 +60,32 @@ def _displacement(tree, before, after):
     return np.sqrt(dot(g, g)) + _spectral(d) * radius_of(tree)
 
 
+@inlined
+def _slot_of(state, key):
+    return slot(mixed(EMPTY_HASH, key), state.progress[0].far_slots)
+
+
+@kernel
+def _make_room(state):
+    """Use twice as many slots if the search before opened more pairs than half of these.
+
+    So short searches touch little memory. A pair stays in its slot or moves to that slot of the new
+    half.
+    """
+    progress, far = state.progress[0], state.far
+    slots = progress.far_slots
+    if 2 * progress.bound_tests <= WIDTH * slots or 2 * slots > far.shape[0]:
+        return
+    progress.far_slots = 2 * slots
+    for i in range(slots):
+        known, new = far[i], far[i + slots]
+        new.key = NO_KEY
+        if known.key != NO_KEY and _slot_of(state, known.key) != i:
+            new.key, new.reach = known.key, known.reach
+            new.kept, new.least = known.kept, known.least
+            known.key = NO_KEY
+
+
 @kernel
 def travel(tree_a, tree_b, state, before, slack):
     """Record how far the models moved relative to each other since the motions `before`.
@@ -71,8 +97,9 @@ def travel(tree_a, tree_b, state, before, slack):
     progress, motions = state.progress[0], state.motions
     if progress.shape_a != tree_a.scale[REVISION] or progress.shape_b != tree_b.scale[REVISION]:
         progress.shape_a, progress.shape_b = tree_a.scale[REVISION], tree_b.scale[REVISION]
-        for i in range(state.far.shape[0]):
+        for i in range(progress.far_slots):
             state.far[i].key = NO_KEY
+    _make_room(state)
     if radius_of(tree_a) < radius_of(tree_b):
         distance = _displacement(tree_a, before[1], motions[1])
     else:
@@ -97,7 +124,7 @@ def near_under(state, a, b):
     what was known no longer holds. Returns also a lower bound of these lanes, metres.
     """
     key = a << 32 | b
-    known = state.far[slot(mixed(EMPTY_HASH, key), state.far.shape[0])]
+    known = state.far[_slot_of(state, key)]
     travelled = state.progress[0].travelled
     far = known.reach - travelled >= state.progress[0].limit
     kept = known.kept if far and known.key == key else np.int64(SOME)
@@ -126,7 +153,7 @@ def remember_far(state, a, b, flip):
     progress = state.progress[0]
     if progress.proven > 0.0 and progress.kept != SOME:
         key = a << 32 | b
-        known = state.far[slot(mixed(EMPTY_HASH, key), state.far.shape[0])]
+        known = state.far[_slot_of(state, key)]
         known.key = key
         known.kept = progress.kept | np.int64(flip) << _FLIP if progress.kept else 0
         known.reach = (progress.proven + progress.travelled) * (1.0 - TRAVEL_SHARE)
