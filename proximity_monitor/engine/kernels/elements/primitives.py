@@ -14,7 +14,7 @@ from .direction import take_direction
 from .swept import reach_of
 from .triangles import certainly_cross, distance_apart, triangle_distance
 
-_LEAP = 0.1
+_LEAP = 0.25
 """A motion by this share of both models' sizes is a leap, see `has_leapt`."""
 
 _TIED = 8.0

@@ -31,9 +31,12 @@ _ROUNDS, _WORTH = 4, 0.9
 """Most rounds; and the share of the distance below which a round must come to be followed by
 another."""
 
-_FAR = 0.97
+_FAR = 0.75
 """More rounds pay once the search has found a distance below this share of the one that it began
-with, or had after the last rounds. Along a path it never does, and no rounds are made."""
+with, or had after the last rounds. Along a path this is rare, and so are rounds."""
+
+_ASKED = 0.97
+"""Less than the exact distance is asked for if the limit is below this share of the distance."""
 
 _LONG = 512 * WIDTH
 """A search with a tolerance is long after so many bound tests."""
@@ -107,7 +110,7 @@ def far_from_nearest(progress):
     question is whether anything is within a clearance.
     """
     distance, limit = progress.distance, progress.limit
-    if limit < _FAR * distance and (progress.bound_tests < _LONG or limit < enough(progress)):
+    if limit < _ASKED * distance and (progress.bound_tests < _LONG or limit < enough(progress)):
         return False
     return distance < _FAR * progress.approached
 
