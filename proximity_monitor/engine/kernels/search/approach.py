@@ -38,7 +38,7 @@ with, or had after the last rounds. Along a path this is rare, and so are rounds
 _ASKED = 0.97
 """Less than the exact distance is asked for if the limit is below this share of the distance."""
 
-_LONG = 512 * WIDTH
+LONG = 512 * WIDTH
 """A search with a tolerance is long after so many bound tests."""
 
 _RENEWAL, _STALE = 200 * WIDTH, 0.05
@@ -110,9 +110,11 @@ def far_from_nearest(progress):
     question is whether anything is within a clearance.
     """
     distance, limit = progress.distance, progress.limit
-    if limit < _ASKED * distance and (progress.bound_tests < _LONG or limit < enough(progress)):
+    if not distance < _FAR * progress.approached:
         return False
-    return distance < _FAR * progress.approached
+    if limit < _ASKED * distance:
+        return progress.bound_tests >= LONG and limit >= enough(progress)
+    return True
 
 
 @kernel

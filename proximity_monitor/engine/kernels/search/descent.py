@@ -20,7 +20,7 @@ from ..bounds.cross import Scratch, left_between
 from ..bounds.gaps import BATCH
 from ..elements.primitives import collect, enough
 from ..tree.layout import EXTENT, LARGEST, PROMISE, STRIDE, WIDTH
-from .approach import APPROACH_STEPS, come_nearer, far_from_nearest
+from .approach import APPROACH_STEPS, LONG, come_nearer, far_from_nearest
 from .coherence import is_coherent, near_under, open_again, remember_far
 from .stubs import (
     cross_leaves,
@@ -224,9 +224,10 @@ def advance(tree_a, tree_b, state):
     coherent = is_coherent(state)
     code = ENDED
     # Leaves are resolved in batches, except in two cases. With a tolerance, a nearer pair found
-    # early lowers the limit, which is worth more than a full batch. If a clearance is asked for
-    # (the limit is then the clearance), any pair within it is the answer. With a tolerance, also
-    # fewer leaves have to be compared, so opening two lowest nodes together saves less.
+    # early lowers the limit, which is worth more than a full batch; in a long search it hardly
+    # falls any more. If a clearance is asked for (the limit is then the clearance), any pair within
+    # it is the answer. With a tolerance, also fewer leaves have to be compared, so opening two
+    # lowest nodes together saves less.
     tolerant = progress.rel_err + progress.abs_err > 0.0
     many = 1 if tolerant or progress.limit < enough(progress) else BATCH
     larger = 2.0 if tolerant else 4.0
@@ -239,6 +240,8 @@ def advance(tree_a, tree_b, state):
         # because worker processes compile parts of the later calls ahead.
         if opens:
             n, steps = _open_next(tree_a, tree_b, state, coherent, larger, inner, n, steps, scratch)
+        if tolerant and progress.bound_tests >= LONG:
+            many = BATCH
         full = room > 0 and progress.collected + LARGEST * LARGEST * (n + _CROSSED) > room
         while n >= many or (
             n > 0
