@@ -14,8 +14,8 @@ from .direction import take_direction
 from .swept import reach_of
 from .triangles import certainly_cross, distance_apart, triangle_distance
 
-_LEAP = 0.25
-"""A motion by this share of both models' sizes is a leap, see `has_leapt`."""
+LEAP = 0.1
+"""A motion by this share of both models' sizes is a leap; see `has_leapt`."""
 
 _TIED = 8.0
 """Two distances that differ by less than this multiple of the slack count as equal."""
@@ -33,13 +33,14 @@ def enough(progress):
 
 
 @inlined
-def has_leapt(tree_a, tree_b, state):
+def has_leapt(tree_a, tree_b, state, share):
     """Return whether the models moved so far that the nearest points may have jumped.
 
-    The motion counts since the last search. If the search has no memory of one, returns False.
+    That is a motion since the last search by at least a `share` of both models' sizes. If the
+    search has no memory of one, returns False.
     """
     sizes = tree_a.scale[LARGEST] + tree_b.scale[LARGEST]
-    return remembers(state) and state.progress[0].step >= _LEAP * sizes
+    return remembers(state) and state.progress[0].step >= share * sizes
 
 
 @inlined

@@ -7,7 +7,7 @@ import numpy as np
 from ..base.jit import entry, implements, inlined, kernel, specialised
 from ..base.state import DepthFirst, Turning, remembers
 from ..base.trees import RevolutionTree
-from ..elements.primitives import has_leapt
+from ..elements.primitives import LEAP, has_leapt
 from ..revolution.minima import keep_same, look_around, measure_again
 from ..revolution.rings import begin_rings, search_rings
 from ..search import stubs
@@ -34,7 +34,7 @@ def _settle(waiting, tree_a, tree_b, state):
 @implements(stubs.guess, RevolutionTree, RevolutionTree)
 @kernel
 def _guess(tree_a, tree_b, state):
-    if has_leapt(tree_a, tree_b, state) or not remembers(state):  # or nothing is known of it
+    if has_leapt(tree_a, tree_b, state, LEAP) or not remembers(state):  # or nothing is known of it
         look_around(tree_a, tree_b, state)
     elif state.progress[0].minima == 0:  # else a minimum was looked for already
         measure_again(tree_a, tree_b, state)

@@ -14,7 +14,7 @@ import numpy as np
 from ..base.jit import inlined, kernel
 from ..base.state import remembers
 from ..base.trees import NONE, REVISION
-from ..elements.primitives import has_leapt
+from ..elements.primitives import LEAP, has_leapt
 
 FRONT = 128
 """Pairs of rings that a front may have, at most."""
@@ -47,7 +47,7 @@ def has_front(tree_a, tree_b, state):
     """Return whether a search should begin with the front instead of the whole pair."""
     front = state.progress[0].front
     few = _FEWEST <= front <= state.progress[0].largest_front
-    return few and not has_leapt(tree_a, tree_b, state)
+    return few and not has_leapt(tree_a, tree_b, state, LEAP)
 
 
 @kernel
@@ -55,7 +55,7 @@ def forget_front(tree_a, tree_b, state):
     """Begin with the whole pair; record its parts as a new front if the next search may use it."""
     progress = state.progress[0]
     progress.front = progress.arcs_a = progress.arcs_b = progress.largest_front = 0
-    near = remembers(state) and not has_leapt(tree_a, tree_b, state)
+    near = remembers(state) and not has_leapt(tree_a, tree_b, state, LEAP)
     progress.recorded = 0 if near else NONE
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from ..base.jit import inlined, kernel
 from ..base.memory import on_stack
 from ..base.state import remembers
-from ..elements.primitives import enough, has_leapt
+from ..elements.primitives import LEAP, enough, has_leapt
 from ..tree.layout import WIDTH
 from .stubs import approach, guess, least_open, settle
 
@@ -31,9 +31,10 @@ _ROUNDS, _WORTH = 4, 0.9
 """Most rounds; and the share of the distance below which a round must come to be followed by
 another."""
 
-_FAR = 0.75
+_FAR, _EXACT_FAR = 0.97, 0.75
 """More rounds pay once the search has found a distance below this share of the one that it began
-with, or had after the last rounds. Along a path this is rare, and so are rounds."""
+with, or had after the last rounds; the second share is for exact searches of elements that are
+measured as a whole. Along a path this is rare, and so are rounds."""
 
 _ASKED = 0.97
 """Less than the exact distance is asked for if the limit is below this share of the distance."""
@@ -56,11 +57,21 @@ more than this share of it, or by the relative error of the search if that is la
 
 _POOR, _POOR_SHARE, _PATH = 2.0, 0.25, 0.02
 """The remembered elements are too far to begin with if their distance exceeds the last distance by
-more than a share of it. The share is _POOR in an exact search: even three times the distance costs
-such a search hardly more openings than a guess takes time. With a relative error it is _POOR_SHARE
-of that error, because whatever part of the error the first distance uses up keeps more volumes
-open; but at least _PATH, by which distances change from step to step of a path.
+more than a share of it. In an exact search of elements that are measured as a whole the share is
+_POOR: even three times the distance costs fewer openings than a guess takes time. With a relative
+error it is _POOR_SHARE of that error, because whatever part of the error the first distance uses up
+keeps more volumes open; but at least _PATH, by which distances change from step to step of a path.
+In all other searches it is _NEAR.
 """
+
+_EXACT_LEAP = 0.5
+"""`LEAP` of exact searches of elements that are measured as a whole, for the same reason."""
+
+
+@inlined
+def _is_exact(progress):
+    """Return whether the exact distance is asked for, of elements that are measured as a whole."""
+    return progress.rel_err + progress.abs_err == 0.0
 
 
 @inlined
@@ -87,10 +98,13 @@ def begin_near(tree_a, tree_b, state, last):
         return
     near = (1.0 + max(progress.rel_err, _NEAR)) * last
     stays = progress.distance <= near
-    leapt = has_leapt(tree_a, tree_b, state)
+    exact = _is_exact(progress)
+    leapt = has_leapt(tree_a, tree_b, state, _EXACT_LEAP if exact else LEAP)
     if stays and not leapt:
         settle(state.waiting, tree_a, tree_b, state)
-    poor = _POOR if progress.rel_err == 0.0 else max(_POOR_SHARE * progress.rel_err, _PATH)
+    poor = _POOR if exact else _NEAR
+    if progress.rel_err > 0.0:
+        poor = max(_POOR_SHARE * progress.rel_err, _PATH)
     remembered = progress.distance
     if leapt or remembered > (1.0 + poor) * last:
         guess(tree_a, tree_b, state)
@@ -110,7 +124,8 @@ def far_from_nearest(progress):
     question is whether anything is within a clearance.
     """
     distance, limit = progress.distance, progress.limit
-    if not distance < _FAR * progress.approached:
+    far = _EXACT_FAR if _is_exact(progress) else _FAR
+    if not distance < far * progress.approached:
         return False
     if limit < _ASKED * distance:
         return progress.bound_tests >= LONG and limit >= enough(progress)
