@@ -55,7 +55,7 @@ _NEAR = 0.1
 """The remembered elements are as near as before if their distance exceeds the last distance by no
 more than this share of it, or by the relative error of the search if that is larger."""
 
-_POOR, _POOR_SHARE, _PATH = 2.0, 0.25, 0.02
+_POOR, _POOR_SHARE, _PATH = 2.0, 0.5, 0.02
 """The remembered elements are too far to begin with if their distance exceeds the last distance by
 more than a share of it. In an exact search of elements that are measured as a whole the share is
 _POOR: even three times the distance costs fewer openings than a guess takes time. With a relative
