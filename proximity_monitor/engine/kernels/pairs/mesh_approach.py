@@ -59,6 +59,8 @@ def _guess(tree_a, tree_b, state):
     q = moved(motions[0], scaled(row(tree_b.centres, 0), tree_b.scale[0]))
     way = sub(q, p)
     reach = radius_of(tree_a) + radius_of(tree_b)
+    if np.sqrt(dot(way, way)) - reach >= progress.limit:
+        return  # the spheres around the models will end the search
     if radius_of(tree_a) < radius_of(tree_b):
         p = moved(motions[1], p)
         q = moved(motions[0], _point_near(tree_b, walk(Middle(p, 0.0), tree_b, found), p))
