@@ -25,14 +25,25 @@ _SHARE = 0.7
 @implements(push, DepthFirst)
 @inlined
 def _push(open_pairs, state, first, top, a, b, bound):
-    _push_above(open_pairs, first, top, a, b, bound)
+    """Put the pair on top, or below the top pair of the same opening if that one is nearer.
+
+    The others are in no order. Sorting them takes longer, for its branches are hard to predict.
+    """
+    pairs, bounds = open_pairs.pairs, open_pairs.bounds
+    pairs[top, 0], pairs[top, 1], bounds[top] = a, b, bound
+    below = max(top - 1, first)
+    c, d, other = pairs[below, 0], pairs[below, 1], bounds[below]
+    nearer = bound < other
+    pairs[below, 0], pairs[top, 0] = (c, a) if nearer else (a, c)
+    pairs[below, 1], pairs[top, 1] = (d, b) if nearer else (b, d)
+    bounds[below], bounds[top] = (other, bound) if nearer else (bound, other)
 
 
 @inlined
-def _push_above(open_pairs, first, top, a, b, bound):
+def _push_sorted(open_pairs, top, a, b, bound):
     pairs, bounds = open_pairs.pairs, open_pairs.bounds
     at = top
-    while at > first and bounds[at - 1] < bound:
+    while at > 0 and bounds[at - 1] < bound:
         bounds[at] = bounds[at - 1]
         pairs[at, 0], pairs[at, 1] = pairs[at - 1, 0], pairs[at - 1, 1]
         at -= 1
@@ -84,7 +95,7 @@ def _take_back(open_pairs, progress):
     end, top = len(bounds), 0
     for k in range(end - progress.put_off, end):
         if bounds[k] < progress.limit:
-            _push_above(open_pairs, 0, top, pairs[k, 0], pairs[k, 1], bounds[k])
+            _push_sorted(open_pairs, top, pairs[k, 0], pairs[k, 1], bounds[k])
             top += 1
     progress.put_off = NONE
     return top
