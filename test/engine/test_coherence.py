@@ -1,5 +1,6 @@
 """What a search keeps for the next tick saves tests and changes no answer."""
 
+import itertools
 from functools import partial
 
 import numpy as np
@@ -14,6 +15,7 @@ from proximity_monitor.engine.questions import run
 
 displacement = from_python(coherence._displacement)
 motions_of = from_python(relative_motions)
+slot_of, make_room = from_python(coherence._slot_of), from_python(coherence._make_room)
 BODIES = {
     "tori": lambda: (torus(), torus(18)),
     "spheres": lambda: (sphere(3), sphere(3)),
@@ -121,11 +123,11 @@ def leaps(rng, count, nearest):
         yield next(wander(rng, 0.0, 1, nearest))
 
 
-def test_it_spares_tests_where_the_models_move_little_and_none_where_they_leap():
+def test_it_spares_tests_where_the_models_move_little_and_adds_none_where_they_leap():
     a, b = sphere(4), torus(48)
     rng = np.random.default_rng(13)
     small, large = list(wander(rng, 1e-4, 60, nearest=2.6)), list(leaps(rng, 60, nearest=2.6))
-    for path, least, most in ((small, 0.2, 0.8), (large, 1.0, 1.0)):
+    for path, least, most in ((small, 0.2, 0.8), (large, 0.8, 1.0)):
         spared = _tests(run.Search(a, b), path) / _tests(run.Search(a, b, coherent=False), path)
         assert least <= spared <= most
 
@@ -220,3 +222,44 @@ def test_a_search_begins_with_the_points_that_were_nearest():
         assert found.lower <= alone.upper <= found.upper <= (1.0 + 1e-3) * alone.upper
         apart = np.linalg.norm(found.point_b - found.point_a)
         assert found.upper == pytest.approx(apart, rel=1e-12)
+
+
+def test_a_long_search_gets_more_slots_and_forgets_nothing():
+    a, b = sphere(4, 1.0), sphere(4, 1.1)
+    search = run.Search(a, b)
+    progress, far = search.progress, search.state.far
+    seen = [int(progress["far_slots"])]
+    for at in wander(np.random.default_rng(3), 0.0, 6):
+        at[:3, 3] *= 1e-3
+        search.run(IDENTITY, at)
+        used = far[: int(progress["far_slots"])]
+        keys = used["key"][used["key"] != index.NO_KEY]
+        places = [slot_of(search.state, key) for key in keys]
+        assert np.array_equal(np.flatnonzero(used["key"] != index.NO_KEY), places)
+        assert len(set(keys)) == len(keys)
+        alone = engine.distance(a, IDENTITY, b, at)
+        assert search.answer[index.LOWER] <= alone.upper
+        assert search.answer[index.UPPER] == pytest.approx(alone.upper, rel=1e-12)
+        seen.append(len(used))
+    assert seen[0] == 1 << 10
+    assert seen[-1] == len(far) == 1 << 13
+    assert all(more <= 2 * few for few, more in itertools.pairwise(seen))
+
+
+def test_a_pair_stays_in_its_slot_or_moves_to_that_slot_of_the_new_half():
+    search = run.Search(sphere(3), sphere(3))
+    progress, far = search.progress, search.state.far
+    slots = int(progress["far_slots"])
+    known = {}
+    for key in range(3 * slots):
+        place = slot_of(search.state, key)
+        far[place]["key"], far[place]["reach"] = key, key
+        known[place] = key
+    progress["bound_tests"] = 16 * slots
+    make_room(search.state)
+    assert progress["far_slots"] == 2 * slots
+    used = far[: 2 * slots]
+    there = used["key"] != index.NO_KEY
+    assert set(used["key"][there]) == set(known.values())
+    assert (used["reach"][there] == used["key"][there]).all()
+    assert all(slot_of(search.state, int(used[i]["key"])) == i for i in np.flatnonzero(there))

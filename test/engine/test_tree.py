@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pickle
+
 import numpy as np
 import pytest
 from engine_bodies import box, from_trimesh, soup, sphere, torus
@@ -97,6 +99,23 @@ def test_the_hierarchy_is_frozen():
     for array in sphere(1)._hierarchy.tree:
         with pytest.raises(ValueError, match="read-only"):
             array.reshape(-1)[0] = 1
+
+
+@pytest.mark.parametrize("volume", ["rss", "obb"])
+def test_volumes_begin_at_cache_lines_and_are_held_once(volume):
+    body = torus(24)
+    doubled = np.vstack((body.faces, body.faces[:9]))  # twins: searches have a tree without them
+    model = engine.TriangleMesh(body.vertices, doubled, volume=volume)
+    other = pickle.loads(pickle.dumps(model))
+    moved = engine.TriangleMesh(body.vertices, doubled, volume=volume)
+    moved.deform(1.1 * body.vertices)
+    for each in (model, other, moved):
+        tree, distinct = each._hierarchy.tree, each._hierarchy.distinct
+        for name in ("nodes", "centres", "children", "sizes"):
+            array = getattr(distinct, name)
+            assert array.ctypes.data % 64 == 0
+            assert not array.flags.writeable
+            assert array is getattr(tree, name) or name == "nodes"
 
 
 def test_the_hierarchy_is_wide_and_shallow():
