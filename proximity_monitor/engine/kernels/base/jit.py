@@ -166,7 +166,8 @@ inlined = _helper(_nrt=False, forceinline=True)
 inlining compiles each copy again, and its code is a tenth slower."""
 
 fused = _helper(_nrt=False, forceinline=True, fastmath={"contract"})
-"""Like `inlined`, but LLVM may contract a product and the sum it is part of to one rounding."""
+"""Like `inlined`, but LLVM may contract a product and the sum it is part of to one rounding. So it
+errs by no more than its margin, which is for two roundings."""
 
 inlined16 = _helper(_nrt=False, forceinline=True, fastmath=_FREE)
 """Compile a helper that is inlined into a `loop16`, so that the loop can still be vectorised."""

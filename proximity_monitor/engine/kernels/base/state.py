@@ -32,7 +32,8 @@ motions (2, 12): b to a, a to b; progress: one PROGRESS; open: one of the three 
 determines the order in which pairs are taken; waiting: the pairs of leaves whose elements are still
 to be compared; collected (n, 3): if n > 0, every pair that may hold the minimum, as two triangles
 and their distance, or as ~lane, ~lane and a lower bound; far (n,) FAR: pairs under which most was
-too far (see coherence.py), empty if each search is independent of the one before.
+too far (see coherence.py), of which the first `progress.far_slots` are in use; empty if each search
+is independent of the one before.
 """
 
 

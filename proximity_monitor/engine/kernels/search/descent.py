@@ -230,7 +230,7 @@ def advance(tree_a, tree_b, state):
     # lowest nodes together saves less.
     tolerant = progress.rel_err + progress.abs_err > 0.0
     many = 1 if tolerant or progress.limit < enough(progress) else BATCH
-    larger = 2.0 if tolerant else 4.0
+    larger = 1.8 if tolerant else 4.0
     # If one node of a pair is lowest, compare sizes only, so that two lowest nodes meet soon. If
     # only a clearance is asked for, compare promises in this case, too.
     inner = 2 if progress.limit < enough(progress) else 1
