@@ -225,7 +225,7 @@ def test_a_search_begins_with_the_points_that_were_nearest():
 
 
 def test_a_long_search_gets_more_slots_and_forgets_nothing():
-    a, b = sphere(4, 1.0), sphere(4, 1.1)
+    a, b = sphere(5, 1.0), sphere(5, 1.1)
     search = run.Search(a, b)
     progress, far = search.progress, search.state.far
     seen = [int(progress["far_slots"])]
@@ -247,7 +247,7 @@ def test_a_long_search_gets_more_slots_and_forgets_nothing():
 
 
 def test_a_pair_stays_in_its_slot_or_moves_to_that_slot_of_the_new_half():
-    search = run.Search(sphere(3), sphere(3))
+    search = run.Search(sphere(5), sphere(3))
     progress, far = search.progress, search.state.far
     slots = int(progress["far_slots"])
     known = {}

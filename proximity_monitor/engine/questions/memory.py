@@ -18,8 +18,6 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from ..kernels.base.lines import empty_lines
-
 _MOST, _LARGEST = 8, 1 << 24
 """How many memories are kept (those given back last), and the most bytes that one may take."""
 
@@ -37,7 +35,7 @@ def room(count: int, kind: DTypeLike = np.float64) -> NDArray:
     dtype = np.dtype(kind)
     size = count * dtype.itemsize
     if size < _HUGE or not hasattr(mmap, "MAP_ANONYMOUS"):
-        return empty_lines(count, dtype)
+        return np.empty(count, dtype)
     pages = mmap.mmap(-1, size, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
     if hasattr(mmap, "MADV_NOHUGEPAGE"):
         with suppress(OSError):  # the system has no huge pages

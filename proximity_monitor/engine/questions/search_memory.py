@@ -41,9 +41,10 @@ _LIST = 1 << 20
 """Pairs that a search level by level has room for, a power of two: 16 MB, of which the system
 provides only the pages that are used."""
 
-_FAR, _MOST_FAR = 1 << 10, 1 << 13
-"""Slots for pairs of volumes that are remembered as too far, at first and at most, powers of two:
-32 kB and 256 kB. The system provides only the pages that are used."""
+_FAR, _MOST_FAR, _LARGE = 1 << 10, 1 << 13, 1 << 14
+"""Slots for pairs of volumes that are remembered as too far, powers of two: those in use at first,
+32 kB, and those that there is room for if a model has _LARGE elements or more, 256 kB. Searches
+of smaller models are short, and there may be many of them."""
 
 _LEVELS = 16
 """The room of the stack is rounded up to a multiple of so many levels, so that models of most sizes
@@ -102,7 +103,8 @@ class SearchKind(NamedTuple):
     """All that the array sizes of a search depend on."""
 
     order: Order
-    coherent: bool
+    far: int
+    """Slots for pairs that are remembered as too far, 0 if none is."""
     levels: int
     """Levels of both models together, rounded up."""
     pairs: int
@@ -125,14 +127,16 @@ class SearchKind(NamedTuple):
         pairs = 1 + levels * 15 + PUT_OFF if order == "depth_first" else 1 + levels * (15 + QUEUE)
         if order == "breadth_first":
             pairs = _LIST
+        far = _MOST_FAR if max(count_a, count_b) >= _LARGE else _FAR
+        far = far if coherent else 0
         if among:
             either = CellRoom.of([model._hierarchy for model in among])
             rings = any(model._hierarchy.tree_kind is RevolutionTree for model in among)
-            return cls(order, coherent, levels, pairs, either, either, rings)
+            return cls(order, far, levels, pairs, either, either, rings)
         cells_a = _room(width_a, count_a, _CELLS) if width_a else None
         cells_b = _room(width_b, count_b, _CELLS) if width_b else None
         rings = kind_a is RevolutionTree and kind_b is RevolutionTree
-        return cls(order, coherent, levels, pairs, cells_a, cells_b, rings)
+        return cls(order, far, levels, pairs, cells_a, cells_b, rings)
 
 
 class SearchMemory(Memory):
@@ -160,7 +164,7 @@ class SearchMemory(Memory):
         self.queries = table((self.query,))
         self.numbers = memoryview(self.query.view(np.float64))[-5:]
         self.models = np.empty((2, MODEL_ROWS, 2), np.int64)
-        order, coherent, levels, capacity, *cells, rings = kind
+        order, far_slots, levels, capacity, *cells, rings = kind
         # All that is not blank after a search, in one piece, which is cleared in one go.
         used = np.zeros(index.PROGRESS.itemsize + 2 * 12 * 8, np.uint8)
         record = used[: index.PROGRESS.itemsize].view(index.PROGRESS)
@@ -187,7 +191,7 @@ class SearchMemory(Memory):
                 *waiting, room(_RINGS, RING), room(_RINGS, np.int32), room(_ARCS, ARC),
                 room(_ARCS, ARC), room(MINIMA, MINIMUM), room(2 * FRONT, RING),
             )  # fmt: skip
-        far = room(_MOST_FAR if coherent else 0, FAR)
+        far = room(far_slots, FAR)
         far["key"][:_FAR] = NO_KEY
         record["far_slots"] = _FAR
         self.state = index.State(motions, record, open_pairs, waiting, np.empty((0, 3)), far)
@@ -197,7 +201,7 @@ class SearchMemory(Memory):
     def clear(self) -> None:
         """Restore the first state, as `Memory.clear` does, and forget what was too far."""
         super().clear()
-        if self.kind.coherent:
+        if self.kind.far:
             self.state.far["key"][:_FAR] = NO_KEY
 
     def begin_at(self, nearest: tuple[int, int]) -> None:
