@@ -41,7 +41,7 @@ _LIST = 1 << 20
 """Pairs that a search level by level has room for, a power of two: 16 MB, of which the system
 provides only the pages that are used."""
 
-_FAR, _MOST_FAR, _LARGE = 1 << 10, 1 << 13, 1 << 14
+_FAR, _MOST_FAR, _LARGE = 1 << 10, 1 << 13, 1 << 12
 """Slots for pairs of volumes that are remembered as too far, powers of two: those in use at first,
 32 kB, and those that there is room for if a model has _LARGE elements or more, 256 kB. Searches
 of smaller models are short, and there may be many of them."""
