@@ -90,7 +90,7 @@ def test_a_refit_renews_the_vertices(volume):
 
 
 def test_the_vertices_kept_of_the_whole_models_are_its_first_upper_bound(monkeypatch):
-    for name in ("_FIRST", "_LEAST", "_MOST"):
+    for name in ("_FIRST", "_FEW", "_LEAST", "_MOST"):
         monkeypatch.setattr(slices, name, 1)
     rng = np.random.default_rng(2)
     p, q = (

@@ -104,6 +104,7 @@ def test_random_poses_in_a_cave_come_near_the_ideal_with_a_tolerance():
 @pytest.mark.parametrize("rel_err", [0.0, 0.1])
 def test_volumes_that_are_put_off_count_in_the_lower_bound(rel_err, monkeypatch):
     monkeypatch.setattr(slices, "_LEAST", 2)
+    monkeypatch.setattr(slices, "_FEW", 2)
     rng, ring = np.random.default_rng(3), torus(64)
     poses = pose(rng, 1.5), pose(rng, 1.5)
     exact = engine.distance(ring, poses[0], ring, poses[1])

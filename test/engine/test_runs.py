@@ -11,6 +11,7 @@ from engine_bodies import pose, sphere, torus
 from proximity_monitor import engine
 from proximity_monitor.engine import shapes
 from proximity_monitor.engine.assembly.runs import Runs
+from proximity_monitor.engine.questions import slices
 from proximity_monitor.engine.questions.setup import entry_for
 
 STATUS = tuple(engine.Status)
@@ -84,7 +85,8 @@ def test_answers_stand_where_they_were_asked_for(threads, signed):
                 assert np.allclose(each.points_a[k] - each.points_b[k], one.point_a - one.point_b)
 
 
-def test_what_was_cut_goes_on_before_pairs_of_other_kinds():
+def test_what_was_cut_goes_on_before_pairs_of_other_kinds(monkeypatch):
+    monkeypatch.setattr(slices, "_FEW", 32)  # the first slice goes as far as the second pair
     models = [sphere(4, 1.0), sphere(4, 1.01), shapes.cylinder(0.5, 1.0), torus(12)]
     poses = np.tile(np.eye(4), (4, 1, 1))
     poses[2:, 0, 3] = 5.0, 9.0

@@ -26,10 +26,11 @@ LONG = 1 << 18
 
 _FIRST = 64
 """Steps of the first slice, some 10 µs, because the time of a step is not known yet."""
+_SOON_S, _FEW = 2e-5, 8
+"""With less time left, seconds, the first slice has so few steps, because a step between curved
+models takes some ten times as long as between meshes."""
 _LEAST, _MOST = 32, 1 << 14
-_SOON_S = 2e-5
-"""With less time left, seconds, the first slice has the least number of steps, because a step
-between curved models takes some ten times as long as between meshes."""
+"""Least and most steps of any other slice."""
 _SHARE = 3.0
 """A slice takes a third of the time that is left, provided its steps take as long as the last ones
 did. So a search looks at the clock some ten times in a budget, and is late only if steps suddenly
@@ -74,7 +75,7 @@ class Slices:
         self._pace = 0.0  # seconds that a step took
         self.steps = LONG
         if self._deadline is not None:
-            self.steps = _FIRST if self._deadline - self._begun > _SOON_S else _LEAST
+            self.steps = _FIRST if self._deadline - self._begun > _SOON_S else _FEW
 
     def over(self, alike: bool = True) -> bool:
         """Look at the clock; return whether no time is left for another slice.
