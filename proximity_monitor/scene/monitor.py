@@ -46,7 +46,9 @@ class Monitor:
             scene: bodies and watched pairs.
             models: by body name, in metres.
             threads: how many threads share the searches of a tick. The number changes which pairs
-                a budget reaches, not what is found.
+                a budget reaches, not what is found. Only the bounds of a depth may differ, within
+                its tolerance: a search begins with what earlier ones found, and how far those got
+                depends on the clock.
             clock: seconds, never going back; measures the budget and the ages.
 
         Raises:

@@ -25,11 +25,17 @@ def both(load, threads=(1, 3), **parts):
 @pytest.mark.parametrize("head", ["", "range: 0.5"])
 @pytest.mark.parametrize("body", ["", ", solid: false"])
 def test_the_distances_do_not_depend_on_the_number_of_threads(load, head, body):
-    """Only rounding may differ: of equally near triangles, another may be met first."""
+    """Only rounding may differ: of equally near triangles, another may be met first.
+
+    The bounds of a depth may differ within its tolerance.
+    """
     for one, three in both(load, head=head, body=body):
         for p, q in zip(one.pairs, three.pairs, strict=True):
             assert (p.index, p.status) == (q.index, q.status)
-            assert (p.lower, p.upper) == pytest.approx((q.lower, q.upper), abs=1e-12)
+            if p.status is PairStatus.OVERLAPPING:
+                assert max(p.lower, q.lower) <= min(p.upper, q.upper)
+            else:
+                assert (p.lower, p.upper) == pytest.approx((q.lower, q.upper), abs=1e-12)
 
 
 @pytest.mark.parametrize("body", ["", ", solid: false"])

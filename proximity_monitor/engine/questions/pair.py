@@ -222,8 +222,6 @@ class Pair:
         ended = pieces.run(deadline)
         if not ended:
             self._pieces = pieces
-        if not (ended or pieces.answered):
-            return Collision(search.answer, first, False)
         found = pieces.met(first)
         complete = ended and _is_whole(search, code) and found.decided
         return Collision(search.answer, found, complete)

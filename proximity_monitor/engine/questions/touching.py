@@ -84,11 +84,6 @@ class PieceSearch:
             self._fresh = code == index.CUT_BETWEEN
         return self._row == count
 
-    @property
-    def answered(self) -> int:
-        """How many pairs are answered."""
-        return self._row
-
     def met(self, first: Met) -> MetPieces:
         """Return the contacts so far; `first` is what the search for the pairs knows."""
         return MetPieces(first, self.answers[: self._row].copy())
@@ -150,6 +145,8 @@ class MetPieces:
         """Return one contact for each two pieces that touch, or for which this is not decided."""
         rows = self._touching()
         rows = rows[(~self._are_decided(rows)).argsort(kind="stable")]
+        if self.touching:  # these are known before their pair is answered
+            rows = np.concatenate((rows, self.first.row[None]))
         keys = np.stack([self._pieces(rows, side) for side in range(2)], axis=1)
         _, kept = np.unique(keys, axis=0, return_index=True)
         slack = float(self.first.progress["slack"])
