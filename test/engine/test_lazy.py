@@ -64,16 +64,18 @@ def test_what_is_far_apart_needs_few_parts(unbound):
     assert len(bound(unbound)) <= 2
 
 
-def test_an_assembly_has_all_parts_from_the_beginning(unbound):
-    """So that none of its later questions has to compile, which would take seconds."""
+def test_an_assembly_has_all_parts_once_there_is_a_budget(unbound):
+    """So that no later question has to compile, which would take seconds."""
     many = engine.Assembly([NET, RING, BALL])
     poses = np.stack((IDENTITY, translation(50.0, 0.0, 0.0), translation(0.0, 90.0, 0.0)))
-    assert not bound(unbound)
-    many.distances(poses, [[0, 1]])
+    many.distances(poses, [[0, 1], [0, 2], [1, 2]])
+    few = bound(unbound)
+    many.distances(poses, [[0, 1]], budget_s=1.0)
     of_surfaces = {part for part in unbound if len(set(part.arguments[:2])) == 1}
-    assert bound(unbound) < of_surfaces, "rings and surfaces are searched as surfaces"
-    many.distances(poses, [[0, 2], [1, 2]])
+    assert bound(unbound) - few < of_surfaces, "rings and surfaces are searched as surfaces"
     beside_meshes = unbound - of_surfaces
+    assert beside_meshes - few, "all are far apart"
+    many.distances(poses, [[0, 2], [1, 2]], budget_s=1.0)
     assert bound(unbound) > beside_meshes
 
 

@@ -158,10 +158,11 @@ class Assembly:
         count = len(query.pairs)
         threads = max(1, min(threads, count))
         self._tabulate(threads)
-        if (entry := self._runs.only) is not None:
+        on_time = deadline is not None
+        if (entry := self._runs.only(on_time)) is not None:
             runs = [[(entry, first, count)] for first in range(threads)]
             return self._answer(query, runs, deadline, threads)
-        order, runs = self._runs.plan(query.pairs, threads, self._begun(query))
+        order, runs = self._runs.plan(query.pairs, threads, self._begun(query), on_time)
         found = np.empty((count, index.ANSWER))
         found[order] = self._answer(query.part(order), runs, deadline, threads)
         return found

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..kernels.base.trees import RevolutionTree
 from ..models.model import Model
-from ..questions.setup import bind, entry_for
+from ..questions.setup import bind, code_of, entry_for
 from ..questions.slices import Run
 
 Plan = tuple[NDArray[np.int64], list[list[Run]]]
@@ -38,34 +38,44 @@ class Runs:
         which = np.array([self._entries.index(entry) for entry in entries])
         self._which = which.reshape(len(kinds), -1)[np.ix_(kind, kind)]
         self._profile = RevolutionTree in kinds
-        self.only = self._bound(0) if len(self._entries) == 1 else None
-        """The entry of all pairs, or None if pairs may be of several kinds."""
         self._known: dict[Hashable, Plan] = {}
 
-    def _bound(self, which: int) -> Callable:
-        """Return an entry, none of whose searches is going to compile anything.
+    def only(self, on_time: bool) -> Callable | None:
+        """Return the entry of all pairs, or None if pairs may be of several kinds.
 
-        An assembly is for many questions, often on time, and only its first one may take longer.
+        ON_TIME says whether there is a budget. Then no search is going to compile anything: all
+        its parts are compiled or loaded here.
         """
-        bind(self._entries[which], self._profile)
-        return self._entries[which]
+        return self._bound(0, on_time) if len(self._entries) == 1 else None
 
-    def plan(self, pairs: NDArray[np.int32], stride: int, ahead: Sequence[int]) -> Plan:
+    def _bound(self, which: int, on_time: bool) -> Callable:
+        entry = self._entries[which]
+        if on_time:
+            bind(entry, self._profile)
+        else:
+            code_of(entry)
+        return entry
+
+    def plan(
+        self, pairs: NDArray[np.int32], stride: int, ahead: Sequence[int], on_time: bool
+    ) -> Plan:
         """Return the order in which to search pairs (k, 2), and each thread's runs in that order.
 
         There are `stride` threads; each takes every `stride`-th pair. The pairs at `ahead` go
-        first. Of all others, the first pair given goes first.
+        first. Of all others, the first pair given goes first. `on_time`: as for `only`.
         """
-        key = pairs.tobytes(), stride
+        key = pairs.tobytes(), stride, on_time
         if ahead or (found := self._known.get(key)) is None:
-            found = self._planned(pairs, stride, ahead)
+            found = self._planned(pairs, stride, ahead, on_time)
             if not ahead:  # the pairs are mostly the same as in the tick before
                 if len(self._known) >= _KNOWN:
                     self._known.clear()
                 self._known[key] = found
         return found
 
-    def _planned(self, pairs: NDArray[np.int32], stride: int, ahead: Sequence[int]) -> Plan:
+    def _planned(
+        self, pairs: NDArray[np.int32], stride: int, ahead: Sequence[int], on_time: bool
+    ) -> Plan:
         which, count = self._which[tuple(pairs.T)], len(pairs)
         begins = [0, *(_FIRST << np.arange(max(1, count // _FIRST).bit_length()))]
         block = np.searchsorted(begins, np.arange(count), side="right") - 1
@@ -75,13 +85,18 @@ class Runs:
         turn = block * len(self._entries) + kind
         turn[ahead] = -1
         order = np.argsort(turn, kind="stable")
-        return order, [self._runs(which[order], first, stride) for first in range(stride)]
+        which = which[order]
+        entries = {each: self._bound(each, on_time) for each in dict.fromkeys(which.tolist())}
+        return order, [_runs(which, entries, first, stride) for first in range(stride)]
 
-    def _runs(self, which: NDArray[np.int64], first: int, stride: int) -> list[Run]:
-        """Return the runs of every `stride`-th pair from `first` on; `which` (k,): the entries."""
-        own = which[first::stride]
-        ends = [*np.flatnonzero(np.diff(own, prepend=-1)).tolist(), len(own)]
-        return [
-            (self._bound(own[i]), first + stride * i, first + stride * (end - 1) + 1)
-            for i, end in pairwise(ends)
-        ]
+
+def _runs(
+    which: NDArray[np.int64], entries: dict[int, Callable], first: int, stride: int
+) -> list[Run]:
+    """Return the runs of every `stride`-th pair from `first` on; `which` (k,) are their entries."""
+    own = which[first::stride]
+    ends = [*np.flatnonzero(np.diff(own, prepend=-1)).tolist(), len(own)]
+    return [
+        (entries[own[i]], first + stride * i, first + stride * (end - 1) + 1)
+        for i, end in pairwise(ends)
+    ]
