@@ -26,7 +26,7 @@ from ..questions.run import Search, check_models
 from ..questions.sharing import share
 from ..questions.slices import Run, Settle, answer_in_slices, deadline_of
 from .answers import no_answers
-from .long_searches import BEGIN_FIRST_S, END_S, LongSearches, Single
+from .long_searches import BEGIN_FIRST_S, END_S, HAND_OVER_S, LongSearches, Single
 from .query import Query, checked_pairs, checked_tolerances
 from .runs import Runs
 
@@ -204,6 +204,8 @@ class Assembly:
     ) -> NDArray[np.float64]:
         """Do as `rows`, with the signed distances of bodies that may overlap, if time allows."""
         poses, pairs, wanted, _, signed = query
+        if deadline is not None:
+            deadline -= HAND_OVER_S
 
         def key(k: int) -> Hashable:
             return self._key(query, k), depth_err
