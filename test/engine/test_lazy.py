@@ -12,7 +12,6 @@ from test_revolution_core import BUSH, RING
 
 from proximity_monitor import engine
 from proximity_monitor.engine import shapes
-from proximity_monitor.engine.assembly import runs
 from proximity_monitor.engine.kernels.base import lazy
 from proximity_monitor.engine.kernels.pairs.parts import SEARCHES, parts_of
 from proximity_monitor.engine.questions import setup
@@ -87,7 +86,6 @@ def test_what_stops_the_compiler_stops_the_question(error, threads, unbound, mon
     def fails(part):
         raise error("while it compiles")
 
-    monkeypatch.setattr(runs, "bind", lambda *_: None)
     pair, many, poses = engine.Pair(a, b), engine.Assembly([a, b]), np.stack((IDENTITY, at))
     with monkeypatch.context() as patched:
         patched.setattr(lazy.Part, "bind", fails)

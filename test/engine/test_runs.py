@@ -52,8 +52,8 @@ def test_each_pair_has_its_own_entry_once_and_not_much_later(every):
 
 def test_models_of_one_kind_have_one_entry():
     models = [torus(12)] * 5
-    assert Runs(models).only(False) is entry_for(*(model._hierarchy for model in models[:2]))
-    assert Runs([*models, shapes.cylinder(0.3, 1.0)]).only(False) is None
+    assert Runs(models).only is entry_for(*(model._hierarchy for model in models[:2]))
+    assert Runs([*models, shapes.cylinder(0.3, 1.0)]).only is None
 
 
 def test_no_pairs_of_mixed_models_have_no_answers():

@@ -23,6 +23,7 @@ from ..models.solid import insides_of
 from ..poses import as_poses, check_pose
 from ..questions.result import Distances
 from ..questions.run import Search, check_models
+from ..questions.setup import bind
 from ..questions.sharing import share
 from ..questions.slices import Run, Settle, answer_in_slices, deadline_of
 from .answers import no_answers
@@ -159,7 +160,8 @@ class Assembly:
         threads = max(1, min(threads, count))
         self._tabulate(threads)
         on_time = deadline is not None
-        if (entry := self._runs.only(on_time)) is not None:
+        if (entry := self._runs.only) is not None:
+            bind(entry, self._runs.profile, on_time)
             runs = [[(entry, first, count)] for first in range(threads)]
             return self._answer(query, runs, deadline, threads)
         order, runs = self._runs.plan(query.pairs, threads, self._begun(query), on_time)

@@ -7,7 +7,7 @@ are grouped by kind.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Hashable, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..kernels.base.trees import RevolutionTree
 from ..models.model import Model
-from ..questions.setup import bind, code_of, entry_for
+from ..questions.setup import bind, entry_for
 from ..questions.slices import Run
 
 Plan = tuple[NDArray[np.int64], list[list[Run]]]
@@ -37,24 +37,11 @@ class Runs:
         kind = [list(kinds).index(model._hierarchy.tree_kind) for model in models]
         which = np.array([self._entries.index(entry) for entry in entries])
         self._which = which.reshape(len(kinds), -1)[np.ix_(kind, kind)]
-        self._profile = RevolutionTree in kinds
+        self.profile = RevolutionTree in kinds
+        """Whether a model may be a solid of revolution."""
+        self.only = self._entries[0] if len(self._entries) == 1 else None
+        """The entry of all pairs, or None if pairs may be of several kinds."""
         self._known: dict[Hashable, Plan] = {}
-
-    def only(self, on_time: bool) -> Callable | None:
-        """Return the entry of all pairs, or None if pairs may be of several kinds.
-
-        ON_TIME says whether there is a budget. Then no search is going to compile anything: all
-        its parts are compiled or loaded here.
-        """
-        return self._bound(0, on_time) if len(self._entries) == 1 else None
-
-    def _bound(self, which: int, on_time: bool) -> Callable:
-        entry = self._entries[which]
-        if on_time:
-            bind(entry, self._profile)
-        else:
-            code_of(entry)
-        return entry
 
     def plan(
         self, pairs: NDArray[np.int32], stride: int, ahead: Sequence[int], on_time: bool
@@ -62,7 +49,7 @@ class Runs:
         """Return the order in which to search pairs (k, 2), and each thread's runs in that order.
 
         There are `stride` threads; each takes every `stride`-th pair. The pairs at `ahead` go
-        first. Of all others, the first pair given goes first. `on_time`: as for `only`.
+        first. Of all others, the first pair given goes first. `on_time`: as for `bind`.
         """
         key = pairs.tobytes(), stride, on_time
         if ahead or (found := self._known.get(key)) is None:
@@ -85,18 +72,15 @@ class Runs:
         turn = block * len(self._entries) + kind
         turn[ahead] = -1
         order = np.argsort(turn, kind="stable")
-        which = which[order]
-        entries = {each: self._bound(each, on_time) for each in dict.fromkeys(which.tolist())}
-        return order, [_runs(which, entries, first, stride) for first in range(stride)]
+        return order, [self._runs(which[order], first, stride, on_time) for first in range(stride)]
 
-
-def _runs(
-    which: NDArray[np.int64], entries: dict[int, Callable], first: int, stride: int
-) -> list[Run]:
-    """Return the runs of every `stride`-th pair from `first` on; `which` (k,) are their entries."""
-    own = which[first::stride]
-    ends = [*np.flatnonzero(np.diff(own, prepend=-1)).tolist(), len(own)]
-    return [
-        (entries[own[i]], first + stride * i, first + stride * (end - 1) + 1)
-        for i, end in pairwise(ends)
-    ]
+    def _runs(self, which: NDArray[np.int64], first: int, stride: int, on_time: bool) -> list[Run]:
+        """Return the runs of every `stride`-th pair from `first` on; `which` (k,): the entries."""
+        own = which[first::stride]
+        ends = [*np.flatnonzero(np.diff(own, prepend=-1)).tolist(), len(own)]
+        runs = []
+        for i, end in pairwise(ends):
+            entry = self._entries[own[i]]
+            bind(entry, self.profile, on_time)
+            runs.append((entry, first + stride * i, first + stride * (end - 1) + 1))
+        return runs

@@ -40,14 +40,14 @@ def code_of(entry: Callable) -> Callable:
 
 
 @cache
-def bind(entry: Callable, profile: bool) -> None:
-    """Compile or load the lazy parts of an entry's searches, so that none is missing in a search.
+def bind(entry: Callable, profile: bool, on_time: bool) -> None:
+    """Compile or load an entry; if ON_TIME, also its lazy parts, so that no search has to.
 
     PROFILE says whether a model may be a solid of revolution.
     """
     code_of(entry)
-    for part in reversed(parts_of(entry, profile)):  # worker processes begin with the first
-        part.bind()
+    for part in reversed(parts_of(entry, profile)) if on_time else ():
+        part.bind()  # worker processes begin with the first
 
 
 class Setup(NamedTuple):
