@@ -27,7 +27,7 @@ from .touching import PieceSearch
 
 _ANY = math.inf
 
-_HAND_OVER_S = 3e-5
+_HAND_OVER_S = 4e-5
 """Seconds that a search takes to hand over a manifold. The search is told that it began earlier."""
 
 
