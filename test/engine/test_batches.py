@@ -10,7 +10,7 @@ from engine_bodies import IDENTITY, SMALL, box, pose, soup, sphere, torus, trans
 
 from proximity_monitor import engine
 from proximity_monitor.engine import Status
-from proximity_monitor.engine.assembly import long_searches
+from proximity_monitor.engine.assembly import assembly, long_searches
 from proximity_monitor.engine.kernels.base.cache import KernelCache
 
 STATUS = tuple(Status)
@@ -308,3 +308,18 @@ def test_what_compiling_kept_from_being_asked_is_asked_again(monkeypatch):
 
     long_searches._compile(ask)
     assert list(compiled) == [1], "it asked until nothing was compiled"
+
+
+def test_a_signed_call_keeps_time_for_its_answers(monkeypatch):
+    given, rows = [], engine.Assembly.rows
+
+    def watched(self, query, deadline, threads):
+        given.append(deadline)
+        return rows(self, query, deadline, threads)
+
+    monkeypatch.setattr(engine.Assembly, "rows", watched)
+    monkeypatch.setattr(assembly, "perf_counter", lambda: 0.0)
+    asked, poses = engine.Assembly([torus(12), box()]), np.stack((IDENTITY, translation(5.0)))
+    for ask_signed in (False, True):
+        asked.distances(poses, [[0, 1]], signed=ask_signed, budget_s=1e-3)
+    assert given[0] - given[1] == pytest.approx(long_searches.HAND_OVER_S)

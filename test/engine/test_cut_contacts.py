@@ -112,4 +112,4 @@ def test_time_is_kept_to_hand_over_a_manifold(monkeypatch):
     asked = engine.Pair(RING, RING)
     for manifold in (False, True):
         asked.distance(IDENTITY, CROSSED, budget_s=1e-3, manifold=manifold)
-    assert given[0] - given[1] == pytest.approx(3e-5)
+    assert given[0] - given[1] == pytest.approx(pair._HAND_OVER_S)

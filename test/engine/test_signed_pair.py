@@ -13,9 +13,9 @@ from engine_bodies import IDENTITY, box, from_trimesh, pose, sphere, torus, tran
 from proximity_monitor import engine
 from proximity_monitor.engine import Status
 from proximity_monitor.engine.kernels.base.state import CUT
-from proximity_monitor.engine.questions import ball, parts, run
+from proximity_monitor.engine.questions import ball, pair, parts, run, signed
 from proximity_monitor.engine.questions.ball import BallSearch
-from proximity_monitor.engine.questions.slices import Slices
+from proximity_monitor.engine.questions.slices import Slices, deadline_of
 
 BALL, SMALL, RING = sphere(4), sphere(4, 0.5), torus(48)
 BARS = (
@@ -368,3 +368,16 @@ def test_a_ball_at_the_rim_of_the_overlap_misleads_no_search():
         anew = engine.signed_distance(fine, IDENTITY, fine, there)
         assert again.primitive_tests <= anew.primitive_tests + 10, angle
         agree(again, anew)
+
+
+def test_time_is_kept_for_the_answer(monkeypatch):
+    given, seek = [], BallSearch.seek
+
+    def watched(self, deadline):
+        given.append(deadline)
+        return seek(self, deadline)
+
+    monkeypatch.setattr(BallSearch, "seek", watched)
+    monkeypatch.setattr(pair, "perf_counter", lambda: 0.0)
+    engine.Pair(BALL, SMALL).signed_distance(IDENTITY, IDENTITY, budget_s=1e-3)
+    assert deadline_of(0.0, 1e-3) - given[0] == pytest.approx(signed._HAND_OVER_S)
