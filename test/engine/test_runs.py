@@ -29,7 +29,7 @@ def mixed(count):
 def test_each_pair_has_its_own_entry_once_and_not_much_later(every):
     models, pairs = mixed(20)
     runs = Runs(models)
-    order, planned = runs.plan(pairs, every, [], False)
+    order, planned = runs.plan(pairs, every, [])
     assert sorted(order) == list(range(len(pairs)))
     assert order[0] == 0, "the most urgent pair goes first"
     turn = np.argsort(order)
@@ -46,7 +46,7 @@ def test_each_pair_has_its_own_entry_once_and_not_much_later(every):
     unsorted = [entry_for(models[a]._hierarchy, models[b]._hierarchy) for a, b in pairs]
     changes = 1 + sum(one is not other for one, other in itertools.pairwise(unsorted))
     assert sum(map(len, planned)) < changes / 4 * every
-    again = runs.plan(pairs, every, [7, 150], False)[0]
+    again = runs.plan(pairs, every, [7, 150])[0]
     assert set(again[:2]) == {7, 150}, "what was begun goes on first"
 
 

@@ -99,7 +99,8 @@ def test_budgets_that_are_over_before_a_search_begins_end_it_all_the_same(name):
     a, b, here = QUESTIONS[name]
     whole = engine.signed_distance(a, here, b, IDENTITY)
     answers = finished(engine.Pair(a, b), here, IDENTITY, budget_s=0.0)
-    assert len(answers) <= 1 + 3 * (whole.bound_tests + whole.primitive_tests)
+    # There are some calls for each stage; then each call makes many tests.
+    assert len(answers) <= 12 + (whole.bound_tests + whole.primitive_tests) / 10
     agree(answers[-1], whole)
 
 
@@ -380,4 +381,4 @@ def test_time_is_kept_for_the_answer(monkeypatch):
     monkeypatch.setattr(BallSearch, "seek", watched)
     monkeypatch.setattr(pair, "perf_counter", lambda: 0.0)
     engine.Pair(BALL, SMALL).signed_distance(IDENTITY, IDENTITY, budget_s=1e-3)
-    assert deadline_of(0.0, 1e-3) - given[0] == pytest.approx(signed._HAND_OVER_S)
+    assert deadline_of(0.0, 1e-3) - given[0] == pytest.approx(signed.HAND_OVER_S)

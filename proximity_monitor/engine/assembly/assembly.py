@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Hashable, Sequence
+from itertools import chain
 from operator import is_not
 from threading import Event
 from time import perf_counter
@@ -25,9 +26,10 @@ from ..questions.result import Distances
 from ..questions.run import Search, check_models
 from ..questions.setup import bind
 from ..questions.sharing import share
+from ..questions.signed import HAND_OVER_S
 from ..questions.slices import Run, Settle, answer_in_slices, deadline_of
 from .answers import no_answers
-from .long_searches import BEGIN_FIRST_S, END_S, HAND_OVER_S, LongSearches, Single
+from .long_searches import BEGIN_FIRST_S, LongSearches, Single
 from .query import Query, checked_pairs, checked_tolerances
 from .runs import Runs
 
@@ -159,12 +161,10 @@ class Assembly:
         count = len(query.pairs)
         threads = max(1, min(threads, count))
         self._tabulate(threads)
-        on_time = deadline is not None
         if (entry := self._runs.only) is not None:
-            bind(entry, self._runs.profile, on_time)
             runs = [[(entry, first, count)] for first in range(threads)]
             return self._answer(query, runs, deadline, threads)
-        order, runs = self._runs.plan(query.pairs, threads, self._begun(query), on_time)
+        order, runs = self._runs.plan(query.pairs, threads, self._begun(query))
         found = np.empty((count, index.ANSWER))
         found[order] = self._answer(query.part(order), runs, deadline, threads)
         return found
@@ -173,6 +173,8 @@ class Assembly:
         self, query: Query, runs: list[list[Run]], deadline: float | None, threads: int
     ) -> NDArray[np.float64]:
         """Do as `rows`, given the runs of each thread."""
+        for entry, *_ in chain.from_iterable(runs):
+            bind(entry, self._runs.profile, deadline is not None)
         poses, pairs, wanted, hints, signed = query
         count = len(pairs)
         queries = np.empty(2 + count * QUERY_NUMBERS, np.int64)
@@ -223,7 +225,7 @@ class Assembly:
 
         def depths(chosen: Sequence[int]) -> None:
             found = self._depths.search(
-                lambda i: single(chosen[i]), len(chosen), depth_err, end - END_S, threads
+                lambda i: single(chosen[i]), len(chosen), depth_err, end, threads
             )
             reached = np.flatnonzero(~np.isnan(found[:, index.STATUS]))
             answers[np.asarray(chosen)[reached]] = found[reached]
@@ -238,7 +240,7 @@ class Assembly:
                 answers[0] = known
                 return answers
             depths([0])
-            if perf_counter() + END_S >= end:
+            if perf_counter() >= end:
                 return answers
         if begun:
             rest = np.ones(len(pairs), np.bool_)

@@ -43,10 +43,6 @@ BEGIN_FIRST_S, _BEGIN_S = 2e-4, 1e-4
 time is left, the search waits for another call. The first one takes three times as long, because
 the processor's caches do not hold what it needs."""
 
-HAND_OVER_S, END_S = 1.5e-5, 1.5e-5
-"""Seconds that a signed call takes to end after it has found the distances of surfaces, and how
-much longer after it has searched for depths."""
-
 _FAR = 8.0
 """At a distance of this many radii, the first bounding volumes prove that two bodies are apart."""
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..kernels.base.trees import RevolutionTree
 from ..models.model import Model
-from ..questions.setup import bind, entry_for
+from ..questions.setup import entry_for
 from ..questions.slices import Run
 
 Plan = tuple[NDArray[np.int64], list[list[Run]]]
@@ -43,26 +43,22 @@ class Runs:
         """The entry of all pairs, or None if pairs may be of several kinds."""
         self._known: dict[Hashable, Plan] = {}
 
-    def plan(
-        self, pairs: NDArray[np.int32], stride: int, ahead: Sequence[int], on_time: bool
-    ) -> Plan:
+    def plan(self, pairs: NDArray[np.int32], stride: int, ahead: Sequence[int]) -> Plan:
         """Return the order in which to search pairs (k, 2), and each thread's runs in that order.
 
         There are `stride` threads; each takes every `stride`-th pair. The pairs at `ahead` go
-        first. Of all others, the first pair given goes first. `on_time`: as for `bind`.
+        first. Of all others, the first pair given goes first.
         """
-        key = pairs.tobytes(), stride, on_time
+        key = pairs.tobytes(), stride
         if ahead or (found := self._known.get(key)) is None:
-            found = self._planned(pairs, stride, ahead, on_time)
+            found = self._planned(pairs, stride, ahead)
             if not ahead:  # the pairs are mostly the same as in the tick before
                 if len(self._known) >= _KNOWN:
                     self._known.clear()
                 self._known[key] = found
         return found
 
-    def _planned(
-        self, pairs: NDArray[np.int32], stride: int, ahead: Sequence[int], on_time: bool
-    ) -> Plan:
+    def _planned(self, pairs: NDArray[np.int32], stride: int, ahead: Sequence[int]) -> Plan:
         which, count = self._which[tuple(pairs.T)], len(pairs)
         begins = [0, *(_FIRST << np.arange(max(1, count // _FIRST).bit_length()))]
         block = np.searchsorted(begins, np.arange(count), side="right") - 1
@@ -72,15 +68,13 @@ class Runs:
         turn = block * len(self._entries) + kind
         turn[ahead] = -1
         order = np.argsort(turn, kind="stable")
-        return order, [self._runs(which[order], first, stride, on_time) for first in range(stride)]
+        return order, [self._runs(which[order], first, stride) for first in range(stride)]
 
-    def _runs(self, which: NDArray[np.int64], first: int, stride: int, on_time: bool) -> list[Run]:
+    def _runs(self, which: NDArray[np.int64], first: int, stride: int) -> list[Run]:
         """Return the runs of every `stride`-th pair from `first` on; `which` (k,): the entries."""
         own = which[first::stride]
         ends = [*np.flatnonzero(np.diff(own, prepend=-1)).tolist(), len(own)]
-        runs = []
-        for i, end in pairwise(ends):
-            entry = self._entries[own[i]]
-            bind(entry, self.profile, on_time)
-            runs.append((entry, first + stride * i, first + stride * (end - 1) + 1))
-        return runs
+        return [
+            (self._entries[own[i]], first + stride * i, first + stride * (end - 1) + 1)
+            for i, end in pairwise(ends)
+        ]

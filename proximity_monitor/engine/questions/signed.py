@@ -34,7 +34,7 @@ _STAGE_S = 2e-5
 """Seconds that the first slice of a stage takes. If less time is left, the next call begins the
 stage."""
 
-_HAND_OVER_S = 1.5e-5
+HAND_OVER_S = 1.5e-5
 """Seconds that a call takes to make its answer after a search."""
 
 Stage = Callable[["SignedSearch"], "Stage | None"]
@@ -99,7 +99,7 @@ class SignedSearch:
             return self._apart.distance(
                 pose_a, pose_b, rel_err=rel_err, abs_err=abs_err, budget_s=budget_s
             )
-        deadline = deadline_of(start - _HAND_OVER_S, budget_s)
+        deadline = deadline_of(start - HAND_OVER_S, budget_s)
         self._deadline = math.inf if deadline is None else deadline
         asked = None
         if budget_s is not None:
