@@ -322,4 +322,4 @@ def test_a_signed_call_keeps_time_for_its_answers(monkeypatch):
     asked, poses = engine.Assembly([torus(12), box()]), np.stack((IDENTITY, translation(5.0)))
     for ask_signed in (False, True):
         asked.distances(poses, [[0, 1]], signed=ask_signed, budget_s=1e-3)
-    assert given[0] - given[1] == pytest.approx(assembly.HAND_OVER_S)
+    assert given[0] - given[1] == pytest.approx(2.0 * assembly.HAND_OVER_S)

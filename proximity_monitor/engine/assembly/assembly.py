@@ -209,7 +209,7 @@ class Assembly:
         """Do as `rows`, with the signed distances of bodies that may overlap, if time allows."""
         poses, pairs, wanted, _, signed = query
         if deadline is not None:
-            deadline -= HAND_OVER_S
+            deadline -= 2.0 * HAND_OVER_S  # as much again as for the answer about one pair
 
         def key(k: int) -> Hashable:
             return self._key(query, k), depth_err
