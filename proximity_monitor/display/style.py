@@ -21,6 +21,7 @@ STYLE = (
 [data-pm=around-pinned] { overflow: clip !important; }
 .pm-cut { flex: 1; min-width: 0; overflow: hidden; text-overflow: ellipsis; white-space: nowrap; }
 .pm-dim { opacity: .62; }
+.pm-unseen { visibility: hidden; }
 .pm-small { font-size: 11.5px; }
 .pm-pill { border-radius: 10px; padding: 1px 9px; font-weight: 600; color: #fff;
            white-space: nowrap; }

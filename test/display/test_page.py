@@ -253,6 +253,24 @@ def test_a_typed_pose_is_taken_and_undone_and_reset(put, taken, sources, wait):
     wait(lambda: at(sources, "x") == 0.2, "the pose at first")
 
 
+def test_the_buttons_stay_in_place_while_a_pose_is_typed_and_taken(put, taken, sources, wait):
+    def place():
+        return button(taken, "Undo").bounding_box()
+
+    put("x", 150)
+    at_first = place()
+    enter(taken, "Position [mm]", "160")
+    now = taken.locator("#pm-now")
+    wait(now.is_visible, "the pose, since the fields show another one")
+    assert place() == at_first
+    button(taken, "Put it there").click()
+    wait(now.is_hidden, "the pose to be in the fields")
+    assert place() == at_first
+    put("z", 900)
+    wait(lambda: "cursor" not in taken.inner_text("#pm-near"), "the cursor to be out of range")
+    assert place() == at_first
+
+
 def test_a_source_that_falls_silent_is_shown(page, sources, wait, eventually):
     sources.release("ball")
 
