@@ -290,7 +290,7 @@ class Move:
 
 
 def _clearances(name: str | None, pairs: Pairs, scene: SceneInfo) -> str:
-    """Return the nearest pairs of a part as HTML of `NEAREST` lines, so that nothing below moves."""
+    """Return the nearest pairs of a part as HTML of `NEAREST` lines; nothing below moves."""
     if name is None:
         return ""
     own = np.array(pairs.rows_of.get(name, ()), int)
