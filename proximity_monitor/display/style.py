@@ -59,6 +59,8 @@ STYLE = (
 .pm-table .pm-press { white-space: nowrap; }
 /* If a row has all words that it can have, they need more than one line. */
 #pm-pairs .pm-on, .pm-num .pm-unproved { white-space: normal; }
+/* What is below these texts must not move when they become longer, since a press would miss it. */
+#pm-worst, #pm-plot { min-height: 2.9em; }  /* two lines */
 .pm-press { cursor: pointer; text-decoration: underline dotted; opacity: .75; }
 .pm-press:hover { opacity: 1; }
 </style>"""

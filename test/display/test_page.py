@@ -360,6 +360,28 @@ def test_the_session_s_worst_pose_comes_back(put, taken, sources, of_engine, wai
     assert of_engine("table - die", die=sources.heard("die")).upper == pytest.approx(0.002)
 
 
+# The place of a button while an element has another text; in one call, since the page renews it.
+BELOW_TEXT = """([id, text, label]) => {
+  const told = document.getElementById(id), before = told.innerHTML;
+  told.innerText = text;
+  const below = [...document.querySelectorAll('button, label')]
+    .find(each => each.innerText.startsWith(label)).getBoundingClientRect().y;
+  told.innerHTML = before;
+  return below;
+}"""
+
+
+@pytest.mark.parametrize(
+    ("where", "text", "below"),
+    [("Session", "pm-worst", "Return to that pose"), ("Clearances", "pm-plot", "Scale")],
+)
+def test_what_is_below_a_text_stays_in_place_when_it_becomes_longer(page, where, text, below):
+    tab(page, where)
+    page.wait_for_selector(f"#{text}")
+    one, two = (page.evaluate(BELOW_TEXT, [text, n * "word ", below]) for n in (1, 16))
+    assert one == two > 0.0
+
+
 # The replay's controls whose middle is covered by the report.
 COVERED = """() => [...document.querySelectorAll('button, input, svg')].filter(each => {
   if (each.closest('#pm-report')) return false;
