@@ -10,14 +10,27 @@ from __future__ import annotations
 import os
 import shutil
 import signal
-import threading
-import time
 from contextlib import suppress
 from pathlib import Path
 
 import pytest
-from deadlines import DEADLINE_S, POSE_TIMEOUT_S, START_DEADLINE_S
-from page_hand import address_of, opened
+from deadlines import POSE_TIMEOUT_S, START_DEADLINE_S
+from page_hand import (
+    CHOSEN,
+    DRAWN,
+    HIDDEN,
+    address_of,
+    button,
+    choose,
+    enter,
+    opened,
+    press,
+    row,
+    tab,
+    word,
+)
+from pose_sources import START, Sources, at
+from waiting import agree, until
 
 SCENE = """
 version: 1
@@ -44,11 +57,8 @@ pairs:
 """
 KINDS = Path(__file__).parents[1] / "kinds"
 """The folder of the package that adds the ball's kind of model; see `test_own_kind.py`."""
-START = {"ball": (-0.2, 0.0, 0.3), "die": (0.2, 0.0, 0.3), "cursor": (0.2, -0.2, 0.3)}
-LOOK_S = 0.1
 SAID = 3000
 """Number of characters of a process's latest output in the report of a failed test."""
-RETRY_S = 2.0
 
 # For a machine without a graphics card that may be busy.
 FLAGS = (
@@ -58,27 +68,6 @@ FLAGS = (
     "--disable-gpu-compositing",  # only the scene needs the GPU; the panel would cost more on it
     "--no-sandbox",  # root cannot have a sandbox, and containers run as root
 )
-
-
-def until(condition, what, timeout_s=DEADLINE_S):
-    """Call the condition until it returns something true, and return that."""
-    deadline = time.monotonic() + timeout_s
-    while not (found := condition()):
-        assert time.monotonic() < deadline, f"waited for {what}"
-        threading.Event().wait(LOOK_S)
-    return found
-
-
-def agree(check, timeout_s=DEADLINE_S):
-    """Call `check` until none of its assertions fails, and return its result."""
-    deadline = time.monotonic() + timeout_s
-    while True:
-        try:
-            return check()
-        except AssertionError:
-            if time.monotonic() > deadline:
-                raise
-        threading.Event().wait(LOOK_S)
 
 
 def pytest_collection_modifyitems(items):
@@ -113,108 +102,6 @@ def wait():
 @pytest.fixture(scope="session")
 def eventually():
     return agree
-
-
-class Sources:
-    """Publishes the poses of bodies 30 times a second, and receives the display's poses."""
-
-    def __init__(self, domain, monitor):
-        import rclpy
-        from geometry_msgs.msg import PoseStamped
-        from rcl_interfaces.srv import GetParameters
-        from rclpy.executors import SingleThreadedExecutor
-
-        self._context = rclpy.Context()
-        rclpy.init(args=[], context=self._context, domain_id=domain)
-        self.monitor = monitor
-        self.node = rclpy.create_node("sources", context=self._context)
-        self._held = dict(START)
-        self._released_ns = {}
-        self._last = {}
-        self._get = self.node.create_client(GetParameters, "proximity_monitor/get_parameters")
-        self._publishers = {
-            name: self.node.create_publisher(PoseStamped, f"bodies/{name}/pose", 1)
-            for name in START
-        }
-        for name in START:
-            self.node.create_subscription(PoseStamped, f"bodies/{name}/pose", self._keeper(name), 1)
-        self.node.create_timer(1.0 / 30.0, self._publish)
-        self._executor = SingleThreadedExecutor(context=self._context)
-        self._executor.add_node(self.node)
-        self._ended = threading.Event()
-        self._thread = threading.Thread(target=self._spin, daemon=True)
-        self._thread.start()
-
-    def close(self):
-        self._ended.set()
-        self._thread.join()
-        self._executor.shutdown()
-        self.node.destroy_node()
-        self._context.try_shutdown()
-
-    def release(self, name):
-        """Stop publishing the pose of a body."""
-        del self._held[name]
-        # Taken after the deletion, so that no pose published here counts as the display's.
-        self._released_ns[name] = self.node.get_clock().now().nanoseconds
-
-    def move(self, name, position):
-        """Publish a body at another position from now on."""
-        self._held[name] = position
-
-    def restore(self):
-        """Publish all bodies at their start positions again."""
-        self._held = dict(START)
-
-    def heard(self, name):
-        """Return the last pose (position, quaternion) from others of a released body, or None."""
-        stamp_ns, pose = self._last.get(name, (0, None))
-        return pose if stamp_ns > self._released_ns[name] else None
-
-    def parameter(self, name):
-        """Return the value of a numeric parameter of the monitor."""
-        from rcl_interfaces.srv import GetParameters
-
-        until(self._get.service_is_ready, "the service of parameters")
-        asked, asked_s = [], -RETRY_S
-
-        def answered():
-            nonlocal asked_s
-            # An answer is lost if the server has not discovered this client yet.
-            if time.monotonic() > asked_s + RETRY_S:
-                asked_s = time.monotonic()
-                asked.append(self._get.call_async(GetParameters.Request(names=[name])))
-            return next((future for future in asked if future.done()), None)
-
-        return until(answered, f"parameter {name}").result().values[0].double_value
-
-    def _spin(self):
-        from rclpy.executors import InvalidHandle
-
-        while not self._ended.is_set():
-            # A test's own thread may destroy a subscription meanwhile; the executor can go on.
-            with suppress(InvalidHandle):
-                self._executor.spin_once(timeout_sec=0.05)
-
-    def _keeper(self, name):
-        def keep(message):
-            stamp, p, q = message.header.stamp, message.pose.position, message.pose.orientation
-            pose = ((p.x, p.y, p.z), (q.x, q.y, q.z, q.w))
-            self._last[name] = (stamp.sec * 10**9 + stamp.nanosec, pose)
-
-        return keep
-
-    def _publish(self):
-        from geometry_msgs.msg import PoseStamped
-
-        message = PoseStamped()
-        message.header.frame_id = "cell"
-        message.header.stamp = self.node.get_clock().now().to_msg()
-        message.pose.orientation.w = 1.0
-        place = message.pose.position
-        for name, position in list(self._held.items()):
-            place.x, place.y, place.z = position
-            self._publishers[name].publish(message)
 
 
 @pytest.fixture(scope="module")
@@ -337,6 +224,59 @@ def open_page(browser, address, sources):
 @pytest.fixture(scope="module")
 def shared_page(open_page):
     return open_page()
+
+
+@pytest.fixture
+def page(shared_page, sources, wait, eventually):
+    """The page as it was at first, whatever the test before has left."""
+    page = shared_page
+    page.mouse.up()
+    page.keyboard.press("Escape")
+    page.evaluate("() => window.__viserMutable.resetCameraPose(false)")
+    page.evaluate(DRAWN)
+    tab(page, "Clearances")
+    enter(page, "Search", "")
+    for left_over in (CHOSEN, HIDDEN):
+        while count := page.locator(left_over).count():
+            press(page, left_over)
+            wait(lambda n=count, x=left_over: page.locator(x).count() < n, "a press to be heard")
+
+    def at_first():
+        assert page.get_attribute("#pm-connection", "data-state") == "live"
+        assert word(page) == "clear"
+        assert row(page, "table - ball")[0] == pytest.approx(0.2)
+        assert row(page, "table - die")[0] == pytest.approx(0.225)
+
+    eventually(at_first)
+    yield page
+    sources.restore()
+    assert page.errors == []
+
+
+@pytest.fixture
+def taken(page, sources, wait):
+    """The page with the die at the gizmo; the die's own source has just fallen silent."""
+    choose(page, "die")
+    sources.release("die")
+    yield page
+    if sources.heard("die"):
+        tab(page, "Move")
+        release = button(page, "Let go")
+        release.click()  # it waits until enabled: the page may lag behind the topic
+        wait(release.is_disabled, "the die to be let go")
+
+
+@pytest.fixture
+def put(taken, sources, wait):
+    """A function that types a coordinate of the die in mm, and waits until the die is there."""
+
+    def put(axis, value):
+        tab(taken, "Move")
+        enter(taken, "Position [mm]", f"{value}", "xyz".index(axis))
+        button(taken, "Put it there").click()
+        wait(lambda: at(sources, axis) == value * 1e-3, f"{axis} = {value} mm")
+
+    return put
 
 
 @pytest.fixture

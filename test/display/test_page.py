@@ -9,7 +9,6 @@ import pytest
 from page_hand import (
     CAMERA,
     CHOSEN,
-    DRAWN,
     FIRST_IS_SEEN,
     HIDDEN,
     OPACITY,
@@ -31,70 +30,12 @@ from page_hand import (
     tab,
     word,
 )
+from pose_sources import at
 
 pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
 pytest.importorskip("viser", reason="viser is not installed: pip install '.[display]'")
 
 from proximity_monitor.display.labels import GLYPHS
-
-
-@pytest.fixture
-def page(shared_page, sources, wait, eventually):
-    """The page as it was at first, whatever the test before has left."""
-    page = shared_page
-    page.mouse.up()
-    page.keyboard.press("Escape")
-    page.evaluate("() => window.__viserMutable.resetCameraPose(false)")
-    page.evaluate(DRAWN)
-    tab(page, "Clearances")
-    enter(page, "Search", "")
-    for left_over in (CHOSEN, HIDDEN):
-        while count := page.locator(left_over).count():
-            press(page, left_over)
-            wait(lambda n=count, x=left_over: page.locator(x).count() < n, "a press to be heard")
-
-    def at_first():
-        assert page.get_attribute("#pm-connection", "data-state") == "live"
-        assert word(page) == "clear"
-        assert row(page, "table - ball")[0] == pytest.approx(0.2)
-        assert row(page, "table - die")[0] == pytest.approx(0.225)
-
-    eventually(at_first)
-    yield page
-    sources.restore()
-    assert page.errors == []
-
-
-@pytest.fixture
-def taken(page, sources, wait):
-    """The page with the die at the gizmo; the die's own source has just fallen silent."""
-    choose(page, "die")
-    sources.release("die")
-    yield page
-    if sources.heard("die"):
-        tab(page, "Move")
-        release = button(page, "Let go")
-        release.click()  # it waits until enabled: the page may lag behind the topic
-        wait(release.is_disabled, "the die to be let go")
-
-
-@pytest.fixture
-def put(taken, sources, wait):
-    """A function that types a coordinate of the die in mm, and waits until the die is there."""
-
-    def put(axis, value):
-        tab(taken, "Move")
-        enter(taken, "Position [mm]", f"{value}", "xyz".index(axis))
-        button(taken, "Put it there").click()
-        wait(lambda: at(sources, axis) == value * 1e-3, f"{axis} = {value} mm")
-
-    return put
-
-
-def at(sources, axis):
-    """Return a coordinate (m) of the die as the display publishes it; None: not yet."""
-    found = sources.heard("die")
-    return found and found[0]["xyz".index(axis)]
 
 
 def test_the_page_shows_the_parts(page, eventually):
