@@ -198,16 +198,13 @@ class Move:
             self._position.value, self._turn.value = self._numbers(pose)
 
     def _where(self, name: str | None, pose: np.ndarray | None) -> str:
-        """Return the pose of a part as HTML, which is not seen if the fields show that pose.
-
-        It takes the same room then, because buttons that move up are missed by a hand.
-        """
-        if pose is None:
-            return ""
-        place, turn = (", ".join(map(repr, each)) for each in self._numbers(pose))
-        at = f"at {place} {escape(self._scene.unit.symbol)}, turned by {turn} deg"
-        look = "pm-unseen" if (name, pose.tobytes()) == self._told else "pm-dim"
-        return f'<div class="pm pm-small {look}" id="pm-now">{self._choice.when} {at}</div>'
+        """Return the pose of a part as HTML; an empty line if the fields show that pose already."""
+        told = ""
+        if pose is not None and (name, pose.tobytes()) != self._told:
+            place, turn = (", ".join(map(repr, each)) for each in self._numbers(pose))
+            at = f"at {place} {escape(self._scene.unit.symbol)}, turned by {turn} deg"
+            told = f"{self._choice.when} {at}"
+        return f'<div class="pm pm-small pm-dim pm-room" style="--lines:1" id="pm-now">{told}</div>'
 
     def _numbers(self, pose: np.ndarray) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """Return position and angles of a pose for the fields: in the scene's unit, in degrees."""
@@ -290,14 +287,14 @@ class Move:
 
 
 def _clearances(name: str | None, pairs: Pairs, scene: SceneInfo) -> str:
-    """Return the nearest pairs of a part as HTML of `NEAREST` lines; nothing below moves."""
+    """Return the nearest pairs of a part as HTML."""
     if name is None:
         return ""
     own = np.array(pairs.rows_of.get(name, ()), int)
     rows = own[np.argsort(pairs.lower[own])][:NEAREST]
     told = "".join(brief(pairs, i, scene) for i in rows)
-    told += "<div class=pm-line>&nbsp;</div>" * (NEAREST - len(rows))
-    return f'<div class="pm pm-small" id="pm-near">{told}</div>'
+    room = f'class="pm pm-small pm-room" style="--lines:{NEAREST}"'
+    return f'<div {room} id="pm-near">{told}</div>'
 
 
 def _note(

@@ -113,7 +113,8 @@ class Plot:
         title = f"smallest clearance of {which} pairs" if pair is None else " - ".join(pair)
         what = f"lower and upper bound [{unit.symbol}] over time [s]; {LIMITS}"
         told = escape(f"{title}: {what}{whose}{grey}")
-        self._title.content = f'<div class="pm pm-small" id="pm-plot">{told}</div>'
+        room = 'class="pm pm-small pm-room" style="--lines:2"'
+        self._title.content = f'<div {room} id="pm-plot">{told}</div>'
 
     def _clear(self) -> None:
         if self._plot is not None:

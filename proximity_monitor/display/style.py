@@ -21,7 +21,6 @@ STYLE = (
 [data-pm=around-pinned] { overflow: clip !important; }
 .pm-cut { flex: 1; min-width: 0; overflow: hidden; text-overflow: ellipsis; white-space: nowrap; }
 .pm-dim { opacity: .62; }
-.pm-unseen { visibility: hidden; }
 .pm-small { font-size: 11.5px; }
 .pm-pill { border-radius: 10px; padding: 1px 9px; font-weight: 600; color: #fff;
            white-space: nowrap; }
@@ -59,8 +58,8 @@ STYLE = (
 .pm-table .pm-press { white-space: nowrap; }
 /* If a row has all words that it can have, they need more than one line. */
 #pm-pairs .pm-on, .pm-num .pm-unproved { white-space: normal; }
-/* What is below these texts must not move when they become longer, since a press would miss it. */
-#pm-worst, #pm-plot { min-height: 2.9em; }  /* two lines */
+/* What is below a text with room for so many lines stays in place; else a press might miss it. */
+.pm-room { min-height: calc(1.45em * var(--lines)); }
 .pm-press { cursor: pointer; text-decoration: underline dotted; opacity: .75; }
 .pm-press:hover { opacity: 1; }
 </style>"""

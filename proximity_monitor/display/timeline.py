@@ -98,7 +98,7 @@ class Timeline:
                 f" per {every_s:.1f} s. The smallest clearances cover all.</div>"
             )
         self._worst.content = (
-            f'<div class=pm id="pm-worst">Smallest in this session: <b>'
+            f'<div class="pm pm-room" style="--lines:2" id="pm-worst">Smallest in this session: <b>'
             f"{length(worst.upper, scene.unit)}</b>{bounds}, {escape(f'{a} - {b}')},"
             f" {ago:.0f} s ago{thinned}</div>"
         )

@@ -202,10 +202,10 @@ def test_the_buttons_stay_in_place_while_a_pose_is_typed_and_taken(put, taken, s
     at_first = place()
     enter(taken, "Position [mm]", "160")
     now = taken.locator("#pm-now")
-    wait(now.is_visible, "the pose, since the fields show another one")
+    wait(now.inner_text, "the pose, since the fields show another one")
     assert place() == at_first
     button(taken, "Put it there").click()
-    wait(now.is_hidden, "the pose to be in the fields")
+    wait(lambda: not now.inner_text(), "the pose to be in the fields")
     assert place() == at_first
     put("z", 900)
     wait(lambda: "cursor" not in taken.inner_text("#pm-near"), "the cursor to be out of range")
